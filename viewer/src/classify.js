@@ -1,22 +1,22 @@
-/** What the roll and the keys show: strokes and due notes by the same rule as the list of mistakes, so that a word means one thing on the page. */
+/** The kinds of strokes and due notes in roll, keys and list of mistakes. */
 
-/** What each kind is called. */
+/** The names of the kinds. */
 export const SAYS = { right: 'right', off: 'too early or too late', missed: 'missed', wrong: 'wrong stroke', played: 'played' };
 
-/** The kind of a due note by the stroke that played it. */
-export function noteKind(heard) {
-  if (!heard) return 'missed';
-  return heard.right ? 'right' : 'off';
+/** The kind of a due note by its stroke. */
+export function noteKind(match) {
+  if (!match) return 'missed';
+  return match.right ? 'right' : 'off';
 }
 
 /**
- * The kind of each stroke: that of the note which it plays, or `wrong` if it plays none.
+ * The kind of each stroke: that of its note, or `wrong` without one.
  * @param {number} count of strokes
- * @param {({note: number, right: boolean} | null)[]} heard by which stroke each due note was played
+ * @param {({note: number, right: boolean} | null)[]} matches the stroke of each due note
  */
-export function strokeKinds(count, heard) {
+export function strokeKinds(count, matches) {
   const kinds = new Array(count).fill('wrong');
-  for (const one of heard) if (one && one.note in kinds) kinds[one.note] = noteKind(one);
+  for (const one of matches) if (one && one.note in kinds) kinds[one.note] = noteKind(one);
   return kinds;
 }
 

@@ -21,10 +21,10 @@ export class Timebase {
       this.toSound = null;
       return machine + this.offset;
     }
-    // What is heard now was computed a latency ago.
-    const heard = this.context.currentTime - (this.context.outputLatency || 0);
-    this.toSound ??= heard - (machine + this.offset);
-    const behind = heard - this.toSound - (machine + this.offset);
+    // The sound of now was computed one output latency ago.
+    const audible = this.context.currentTime - (this.context.outputLatency || 0);
+    this.toSound ??= audible - (machine + this.offset);
+    const behind = audible - this.toSound - (machine + this.offset);
     this.offset += Math.abs(behind) > JUMP_SECS ? behind : FOLLOW * behind;
     return machine + this.offset;
   }

@@ -93,7 +93,7 @@ export class Controls {
   }
 
   /** Shows the current state. */
-  update({ muted, camera, heard, written, writable }) {
+  update({ muted, camera, audible, written, writable }) {
     const { playing, speed, loop } = this.player;
     const does = playing ? 'Pause' : 'Play';
     this.play.replaceChildren(icon(does.toLowerCase()), does);
@@ -103,7 +103,7 @@ export class Controls {
     press(this.mute, muted);
     this.mute.replaceChildren(icon(muted ? 'muted' : 'sound'));
     VIEWS.forEach(({ name }, index) => press(this.cameras[index], name === camera));
-    this.sources.forEach((source, pane) => press(source, pane === heard && !written));
+    this.sources.forEach((source, pane) => press(source, pane === audible && !written));
     press(this.written, written);
     this.written.hidden = !writable;
   }

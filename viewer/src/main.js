@@ -13,10 +13,10 @@ function start() {
   } catch (error) {
     return say(`This page's recording cannot be read: ${error.message}`);
   }
-  if (data?.version !== 1) return say('This page holds a recording of another version than its viewer knows. Make it again with etude replay.');
+  if (data?.version !== 1) return say('This page has a recording of another version. Make it again with etude replay.');
   const takes = (data.takes ?? []).map((take) => new Take(take));
-  if (takes.length === 0) return say('This page holds no recording.');
-  return expose(new Page(root, takes, data.partings ?? []));
+  if (takes.length === 0) return say('This page has no recording.');
+  return expose(new Page(root, takes, data.differences ?? []));
 }
 
 function say(text) {

@@ -14,15 +14,15 @@ const ms = (secs) => `${Math.abs(secs * 1000).toFixed(0)} ms`;
  */
 export function mistakes(take) {
   const found = [];
-  // A song that is written equally loud throughout asks for no dynamics.
+  // A song of one velocity has no dynamics.
   const dynamic = new Set(take.dueNotes.map((due) => due.velocity)).size > 1;
   take.dueNotes.forEach((due, index) => {
-    const heard = take.heard[index];
-    const note = heard && take.notes[heard.note];
+    const match = take.matches[index];
+    const note = match && take.notes[match.note];
     const add = (kind, more) => found.push({ kind, secs: due.start, pitch: due.pitch, more });
     if (!note) return add('missed', '');
     const error = note.start - due.start;
-    if (!heard.right) add(error > 0 ? 'too late' : 'too early', `${ms(error)} ${error > 0 ? 'late' : 'early'}`);
+    if (!match.right) add(error > 0 ? 'too late' : 'too early', `${ms(error)} ${error > 0 ? 'late' : 'early'}`);
     const louder = note.velocity - due.velocity;
     if (dynamic && Math.abs(louder) > VELOCITY_TOLERANCE) add(louder > 0 ? 'too loud' : 'too soft', `${note.velocity}, not ${due.velocity}`);
   });

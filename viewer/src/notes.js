@@ -4,7 +4,7 @@ import { strokeText } from './classify.js';
 import { clockText, element, pitchName } from './dom.js';
 import { mistakeList } from './mistakes.js';
 
-/** What a listener hears of a take, in a few words; null without notes that were due. */
+/** The scores of a take by note; null without due notes. */
 export function summary(take) {
   const { noteScores: scores } = take;
   if (!scores) return null;
@@ -14,7 +14,7 @@ export function summary(take) {
 /**
  * @param {{take: any, letter: string}[]} shown one or two takes of the same notes
  * @param {(secs: number, index?: number) => void} seek `index`: of which take
- * @returns {HTMLElement | null} null if no take has notes that were due, or if two are of different notes
+ * @returns {HTMLElement | null} null if no take has due notes, or if two have different ones
  */
 export function noteList(shown, seek) {
   const [{ take: first }] = shown;
@@ -38,7 +38,7 @@ export function noteList(shown, seek) {
 /** How a take played a due note. */
 function playedText(take, letter, index) {
   const { kind, start, end } = take.dueNotes[index];
-  const note = take.notes[take.heard[index]?.note];
+  const note = take.notes[take.matches[index]?.note];
   const stroke = note ? { onset: note.start - start, length: note.end - note.start - (end - start), velocity: note.velocity, right: kind === 'right' } : null;
   return element('p', { class: kind }, letter ? element('span', { class: `take-${letter.toLowerCase()}`, text: `${letter} ` }) : null, strokeText(stroke));
 }

@@ -23,11 +23,11 @@ export class Page {
   /**
    * @param {HTMLElement} root
    * @param {import('./take.js').Take[]} takes at least one
-   * @param {[number, number][]} partings where the first two takes sound different keys
+   * @param {[number, number][]} differences where the first two takes sound different keys
    */
-  constructor(root, takes, partings) {
+  constructor(root, takes, differences) {
     this.takes = takes;
-    this.partings = partings;
+    this.differences = differences;
     this.muted = false;
     this.readyMs = null;
     this.stale = true;
@@ -43,8 +43,8 @@ export class Page {
     const count = Math.min(takes.length, MOST_PANES);
     this.letters = count > 1 ? ['A', 'B'] : [''];
     this.panes = this.letters.map((letter) => new Pane(this.cameras, letter));
-    // The last pane is heard: that of the twin or the robot, if there is also a simulation.
-    this.heard = count - 1;
+    // The last pane is audible: that of the twin or the robot, if there is also a simulation.
+    this.audible = count - 1;
     this.written = false;
     this.timeline = new Timeline(this.player);
     this.controls = new Controls(this.#actions(), this.player, count > 1 ? this.letters : []);
@@ -91,7 +91,7 @@ export class Page {
     this.keyColours.replaceChildren(legend({ ...kinds, ...(fences && { fence: 'fence between keys' }) }));
     this.#listen();
     const firstTwo = shown.length > 1 && [...this.chosen].sort().join() === '0,1';
-    this.timeline.show(shown, firstTwo ? this.partings : []);
+    this.timeline.show(shown, firstTwo ? this.differences : []);
     this.rollViews = shown.map(({ take }) => new Roll(take, seek));
     this.rolls.replaceChildren(
       element('h2', { text: 'Piano roll' }, legend({ ...kinds, ...(shown.some(({ take }) => !take.isJudged) && { played }) })),
@@ -123,8 +123,8 @@ export class Page {
     if (this.letters[index]) parts.push(element('span', { class: `letter take-${'ab'[index]}`, text: this.letters[index] }));
     if (this.takes.length > MOST_PANES) parts.push(this.#chooser(index));
     parts.push(element('span', { class: 'what', text: [song, take.caption() || take.name].filter(Boolean).join(' · '), title: take.name }));
-    const heard = summary(take);
-    if (heard) parts.push(element('span', { class: 'score', text: heard }));
+    const scores = summary(take);
+    if (scores) parts.push(element('span', { class: 'score', text: scores }));
     const { final } = take;
     const says = (value) => (Number.isFinite(value) ? value.toFixed(3) : '–');
     if (final) {
@@ -170,7 +170,7 @@ export class Page {
       },
       seek: (secs) => this.seek(secs),
       listenTo: (pane) => {
-        this.heard = pane;
+        this.audible = pane;
         this.written = false;
         this.#listen();
       },
@@ -183,7 +183,7 @@ export class Page {
 
   /** Lets the chosen take sound, or its song as written. */
   #listen() {
-    const { notes, dueNotes } = this.panes[this.heard].take;
+    const { notes, dueNotes } = this.panes[this.audible].take;
     this.written &&= dueNotes.length > 0;
     this.sound.listenTo(this.written ? dueNotes : notes);
     this.#showState();
@@ -220,9 +220,9 @@ export class Page {
   }
 
   #showState() {
-    const { muted, heard, written } = this;
-    const writable = this.panes[heard].take.dueNotes.length > 0;
-    this.controls.update({ muted, camera: this.cameras.view.name, heard, written, writable });
+    const { muted, audible, written } = this;
+    const writable = this.panes[audible].take.dueNotes.length > 0;
+    this.controls.update({ muted, camera: this.cameras.view.name, audible, written, writable });
   }
 
   #layOut() {

@@ -19,7 +19,7 @@ export class Pane {
     this.root = element('figure', { class: 'pane' }, this.caption, this.frame);
     this.renderer = rendererOn(this.canvas);
     if (this.renderer) cameras.attach(this.canvas);
-    else this.frame.prepend(element('p', { class: 'no-scene', text: 'This browser shows no WebGL: the scene is left out.' }));
+    else this.frame.prepend(element('p', { class: 'no-scene', text: 'This browser has no WebGL: the scene is not shown.' }));
     this.ratio = 1;
   }
 

@@ -1,4 +1,4 @@
-/** One recording as the page uses it: looked up by time, and without gaps where a recording is incomplete. */
+/** One recording, looked up by time; gaps of an incomplete recording are filled. */
 
 import { noteKind, strokeKinds } from './classify.js';
 
@@ -34,13 +34,13 @@ export class Take {
     const notes = list(take.notes);
     this.duration = Math.max(this.steps / this.hz, ...notes.map((note) => note.end ?? note.start));
     const dueNotes = list(take.due_notes);
-    /** By which of `notes` each due note was played: `{note, right}` or null. */
-    this.heard = dueNotes.map((_, index) => list(take.heard)[index] ?? null);
-    /** Whether it is known which notes were due; an older Étude wrote only which keys were, step by step. */
+    /** The stroke of each due note: `{note, right}` with an index of `notes`, or null. */
+    this.matches = dueNotes.map((_, index) => list(take.matches)[index] ?? null);
+    /** Whether the due notes are known, not only the due keys of each step. */
     this.isJudged = dueNotes.length > 0 || this.due.every((pitches) => pitches.length === 0);
-    const kinds = strokeKinds(notes.length, this.heard);
+    const kinds = strokeKinds(notes.length, this.matches);
     this.notes = notes.map((note, index) => ({ ...note, end: note.end ?? this.duration, kind: this.isJudged ? kinds[index] : 'played' }));
-    this.dueNotes = dueNotes.map((note, index) => ({ ...note, kind: noteKind(this.heard[index]) }));
+    this.dueNotes = dueNotes.map((note, index) => ({ ...note, kind: noteKind(this.matches[index]) }));
     this.noteScores = take.note_scores ?? null;
     /** Strokes and due notes by pitch. */
     [this.notesOf, this.dueOf] = [byPitch(this.notes), byPitch(this.dueNotes)];
@@ -123,13 +123,13 @@ function filled(rows, start, width) {
 function remarks(raw, take) {
   const found = [];
   if (raw.incomplete) found.push(String(raw.incomplete));
-  if (take.steps === 0) found.push('This recording holds no control step: there is nothing to move.');
-  else if (take.positions.length === 0) found.push('This recording holds no joint positions: the hand stands still.');
-  if (take.steps > 0 && take.due.length === 0) found.push('This recording has no song: nothing was due, and there are no scores.');
+  if (take.steps === 0) found.push('This recording has no control step, so nothing moves.');
+  else if (take.positions.length === 0) found.push('This recording has no joint positions, so the hand does not move.');
+  if (take.steps > 0 && take.due.length === 0) found.push('This recording has no song and no scores.');
   else if (take.steps > 0 && take.due.every((pitches) => pitches.length === 0)) {
-    found.push('Nothing was due in this recording: every stroke is a wrong one.');
+    found.push('No note was due in this recording: every stroke is wrong.');
   } else if (!take.isJudged) {
-    found.push('An older Étude wrote this recording, without the notes that were due: its strokes are not judged.');
+    found.push('This recording has no due notes: its strokes are not judged.');
   }
   return found;
 }

@@ -40,17 +40,17 @@ export class Timeline {
 
   /**
    * @param {{take: any, letter: string}[]} shown
-   * @param {[number, number][]} partings
+   * @param {[number, number][]} differences
    */
-  show(shown, partings) {
+  show(shown, differences) {
     const label = (letter) => (letter ? `${letter}: ` : '');
     this.lanes = shown.map(({ take }) => take.marks);
-    this.partings = partings;
+    this.differences = differences;
     this.bars = shown[0].take.bars;
     this.marks = [
       ...shown.flatMap(({ take, letter }, lane) =>
         take.marks.map((mark) => ({ ...mark, lane, text: `${label(letter)}${mark.kind}: ${mark.text}` }))),
-      ...partings.map(([from, to]) => ({ secs: from, kind: 'parting', lane: -1, text: partingText(from, to) })),
+      ...differences.map(([from, to]) => ({ secs: from, kind: 'difference', lane: -1, text: differenceText(from, to) })),
     ].sort((a, b) => a.secs - b.secs);
     this.slider.max = String(this.player.duration);
     this.#listMarks();
@@ -98,13 +98,13 @@ export class Timeline {
       pen.fillStyle = colours.ink;
       for (const secs of [loop.from, loop.to]) pen.fillRect(Math.round(secs * this.scale) - 1, 0, 2, height);
     }
-    for (const [from, to] of this.partings) drawBand(pen, from * this.scale, Math.max((to - from) * this.scale, 2), height);
+    for (const [from, to] of this.differences) drawBand(pen, from * this.scale, Math.max((to - from) * this.scale, 2), height);
     this.lanes.forEach((marks, lane) => {
       for (const mark of marks) drawMark(pen, KINDS[mark.kind] ?? KINDS.warning, mark.secs * this.scale, lane * LANE, colours.paper);
     });
     for (const { kind, canvas } of this.swatches) {
       const swatch = drawingOn(canvas, SWATCH, LANE);
-      if (kind === 'parting') drawBand(swatch, 0, SWATCH, LANE);
+      if (kind === 'difference') drawBand(swatch, 0, SWATCH, LANE);
       else drawMark(swatch, KINDS[kind], SWATCH / 2, 0, colours.paper);
     }
   }
@@ -124,7 +124,7 @@ export class Timeline {
   }
 }
 
-function partingText(from, to) {
+function differenceText(from, to) {
   return `A and B sound different keys for ${(to - from).toFixed(2)} s`;
 }
 

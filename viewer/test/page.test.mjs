@@ -201,11 +201,11 @@ test('each due note is listed with how it was played, and a click goes there', a
     await page.getByText(`${heard.matched} of ${heard.matched + heard.missed} notes right, ${heard.wrong} wrong`).first().waitFor();
     for (const [index, due] of take.due_notes.entries()) {
       const says = await rows.nth(index).textContent();
-      const played = take.heard[index] && take.notes[take.heard[index].note];
+      const played = take.matches[index] && take.notes[take.matches[index].note];
       if (!played) assert.match(says, /missed/);
       else assert.ok(says.includes(String(played.velocity)), says);
-      if (played && !take.heard[index].right) assert.match(says, /too (late|early)/);
-      assert.equal(/missed|too/.test(says), !take.heard[index]?.right, `${says} of ${JSON.stringify(due)}`);
+      if (played && !take.matches[index].right) assert.match(says, /too (late|early)/);
+      assert.equal(/missed|too/.test(says), !take.matches[index]?.right, `${says} of ${JSON.stringify(due)}`);
     }
     const [one, other] = [await rows.nth(0).boundingBox(), await rows.nth(1).boundingBox()];
     assert.ok(other.x > one.x && other.y === one.y, 'on a wide page several stand in a line');
@@ -215,7 +215,7 @@ test('each due note is listed with how it was played, and a click goes there', a
 });
 
 test('a note that was not struck is missed in the roll and on the keyboard, also if its key was held', async () => {
-  await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes: [heldThrough()], differences: [] }), {}, async (page) => {
     assert.equal(await page.locator('.roll').getAttribute('aria-label'), 'Piano roll. Notes: 1 right, 0 too early or too late, 1 missed. Wrong strokes: 0.');
     const shown = (secs) => page.evaluate((at) => {
       window.etude.seek(at);
@@ -233,8 +233,8 @@ test('a note that was not struck is missed in the roll and on the keyboard, also
 test('the roll and its legend have one mark for each kind', async () => {
   const due = [60, 62, 64].map((pitch, index) => ({ pitch, start: 1 + index, end: 1.8 + index, velocity: 60 }));
   const notes = [60, 62, 70].map((pitch, index) => ({ pitch, start: 1.08 * (1 + index), end: 1.9 + index, velocity: 60 }));
-  const take = { ...sampleTake({ steps: 120 }), due_notes: due, notes, heard: [{ note: 0, right: true }, { note: 1, right: false }, null] };
-  await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), {}, async (page) => {
+  const take = { ...sampleTake({ steps: 120 }), due_notes: due, notes, matches: [{ note: 0, right: true }, { note: 1, right: false }, null] };
+  await withPage(await browser.write({ version: 1, takes: [take], differences: [] }), {}, async (page) => {
     const [drawn, legend] = await page.evaluate(() => {
       const found = { frames: [], fills: [] };
       const { prototype } = CanvasRenderingContext2D;
@@ -270,8 +270,8 @@ test('the roll and its legend have one mark for each kind', async () => {
 });
 
 test('the legends of a recording that is not judged have no kind that it does not show', async () => {
-  const old = { ...sampleTake({ steps: 60 }), due_notes: [], heard: [] };
-  await withPage(await browser.write({ version: 1, takes: [old], partings: [] }), {}, async (page) => {
+  const old = { ...sampleTake({ steps: 60 }), due_notes: [], matches: [] };
+  await withPage(await browser.write({ version: 1, takes: [old], differences: [] }), {}, async (page) => {
     assert.deepEqual(await page.locator('.rolls .item').allTextContents(), ['played']);
     assert.deepEqual(await page.locator('.key-colours .item').allTextContents(), ['fence between keys']);
   });
@@ -281,10 +281,10 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
   const due = [60, 62, 64, 65, 67].map((pitch, index) => ({ pitch, start: 1 + index, end: 1.8 + index, velocity: index === 4 ? 61 : 60 }));
   const stroke = (pitch, start, velocity) => ({ pitch, start, end: start + 0.25, velocity });
   const notes = [stroke(60, 1, 61), stroke(62, 2.08, 60), stroke(64, 2.93, 101), stroke(65, 4, 19), stroke(70, 4.5, 60)];
-  const heard = [{ note: 0, right: true }, { note: 1, right: false }, { note: 2, right: false }, { note: 3, right: true }, null];
-  const wrong = { ...sampleTake({ steps: 120 }), due_notes: due, notes, heard };
-  const right = { ...wrong, notes: due, heard: due.map((_, note) => ({ note, right: true })) };
-  await withPage(await browser.write({ version: 1, takes: [wrong, right], partings: [] }), {}, async (page) => {
+  const matches = [{ note: 0, right: true }, { note: 1, right: false }, { note: 2, right: false }, { note: 3, right: true }, null];
+  const wrong = { ...sampleTake({ steps: 120 }), due_notes: due, notes, matches };
+  const right = { ...wrong, notes: due, matches: due.map((_, note) => ({ note, right: true })) };
+  await withPage(await browser.write({ version: 1, takes: [wrong, right], differences: [] }), {}, async (page) => {
     const list = page.getByRole('group', { name: 'Mistakes of take A' });
     assert.deepEqual(await list.locator('.kind').allTextContents(), [
       'missed: 10:05.0 G4', 'too early: 10:03.0 E4, 70 ms early', 'too late: 10:02.0 D4, 80 ms late', 'wrong stroke: 10:04.5 A♯4, held 250 ms',
@@ -303,7 +303,7 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
   });
   // A song that is written equally loud throughout: none is too loud or too soft.
   const even = { ...wrong, due_notes: due.map((note) => ({ ...note, velocity: 60 })) };
-  await withPage(await browser.write({ version: 1, takes: [even], partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes: [even], differences: [] }), {}, async (page) => {
     const kinds = await page.getByRole('group', { name: 'Mistakes' }).locator('.kind > span').allTextContents();
     assert.deepEqual(kinds, ['missed: 1', 'too early: 1', 'too late: 1', 'wrong stroke: 1']);
   });
@@ -327,7 +327,7 @@ test('on a phone a mistake that is tapped brings its scene into view, and the no
 });
 
 test('the roll names the keys that occur, and numbers the bars', async () => {
-  await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes: [heldThrough()], differences: [] }), {}, async (page) => {
     const written = await page.evaluate(() => {
       const found = [];
       const { prototype } = CanvasRenderingContext2D;
@@ -350,7 +350,7 @@ test('a reward term that is constant in all takes is named and not drawn', async
   const constant = (name, value) => ({ name, values: one.due.map(() => value) });
   one.rewards = [varied('key_press'), constant('energy', -0), constant('collision', 0.5), constant('wrong_travel', 0)];
   other.rewards = [constant('key_press', 1), constant('energy', 0), constant('collision', 0.25), varied('wrong_travel')];
-  await withPage(await browser.write({ version: 1, takes: [one, other], partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes: [one, other], differences: [] }), {}, async (page) => {
     assert.deepEqual(await page.locator('.plot figcaption > span').allTextContents(), ['F1', 'precision', 'recall', 'key press', 'wrong travel']);
     await page.getByText('Not drawn, because constant: energy 0, collision A 0.5 B 0.25.', { exact: true }).waitFor({ timeout: 5000 });
   });
@@ -362,7 +362,7 @@ test('of two takes it is said which one a remark is true of, what is counted is 
   other.rewards = [];
   other.rewards_note = 'Energy was left out.';
   other.marks = [1, 2].map((secs) => ({ secs, kind: 'clamp', text: 'rail' }));
-  await withPage(await browser.write({ version: 1, takes: [one, other], partings: [[1, 1.1]] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes: [one, other], differences: [[1, 1.1]] }), {}, async (page) => {
     assert.equal(await page.locator('.numbers > .note').last().textContent(), 'B: Energy was left out.');
     assert.deepEqual(await page.locator('.marks .item').allTextContents(), ['2 stretches of limited set-points', '1 place where A and B sound different keys']);
     const energy = page.locator('.plot').last().locator('output').first();
@@ -372,10 +372,10 @@ test('of two takes it is said which one a remark is true of, what is counted is 
     }
   });
   const both = [one, other].map((take) => ({ ...take, marks: [other.marks[0]], rewards_note: 'Energy was left out.' }));
-  await withPage(await browser.write({ version: 1, takes: both, partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes: both, differences: [] }), {}, async (page) => {
     assert.equal(await page.locator('.numbers > .note').last().textContent(), 'A and B: Energy was left out.');
   });
-  await withPage(await browser.write({ version: 1, takes: [both[0]], partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes: [both[0]], differences: [] }), {}, async (page) => {
     assert.equal(await page.locator('.numbers > .note').last().textContent(), 'Energy was left out.');
     assert.deepEqual(await page.locator('.marks .item').allTextContents(), ['1 stretch of limited set-points']);
   });
@@ -385,7 +385,7 @@ test('of a nearly perfect song a score is drawn from its lowest value on, and on
   const take = sampleTake({ steps: 200 });
   take.running = { f1: take.due.map((_, step) => (step < 90 ? 1 : 0.978)), precision: take.due.map(() => 1), recall: take.due.map(() => 1) };
   take.rewards = [];
-  await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes: [take], differences: [] }), {}, async (page) => {
     assert.deepEqual(await page.locator('.plot figcaption > span').allTextContents(), ['F1']);
     await page.getByText('Not drawn, because constant: precision 1, recall 1.', { exact: true }).waitFor({ timeout: 5000 });
     await page.evaluate(() => {
@@ -409,7 +409,7 @@ test('of a piece of twenty minutes the charts and the bars on the time line stay
   take.rewards = [{ name: 'key_press', values: each((step) => step % 2) }];
   const told = (page) => page.getByText('One pixel of a chart stands for several control steps').isVisible();
   for (const options of [{}, PHONE]) {
-    await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), options, async (page) => {
+    await withPage(await browser.write({ version: 1, takes: [take], differences: [] }), options, async (page) => {
       const [solid, pale] = await page.locator('.plot canvas').evaluate((canvas) => {
         const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
         const alphas = data.filter((_, byte) => byte % 4 === 3);
@@ -432,9 +432,9 @@ test('of a piece of twenty minutes the charts and the bars on the time line stay
 test('on a phone a list that scrolls has a shadow at an edge behind which there is more, and a scrollbar', async () => {
   const marks = Array.from({ length: 20 }, (_, index) => ({ secs: index, kind: 'warning', text: 'late' }));
   const take = { ...sampleTake({ marks }), notes: [] };
-  take.heard = take.due_notes.map(() => null);
+  take.matches = take.due_notes.map(() => null);
   for (const dark of [false, true]) {
-    await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), { ...PHONE, dark }, async (page) => {
+    await withPage(await browser.write({ version: 1, takes: [take], differences: [] }), { ...PHONE, dark }, async (page) => {
       await page.getByText('On the time line').click();
       for (const name of ['.marks ol', '.mistakes', '.notes ol']) {
         const list = page.locator(name);
@@ -500,7 +500,7 @@ test('two takes stand side by side, with the places where they part', async () =
   for (const [name, options] of [['wide', {}], ['phone', PHONE]]) {
     await withPage(file, options, async (page) => {
       assert.equal(await page.locator('canvas.scene').count(), 2);
-      const [from] = two.partings[0];
+      const [from] = two.differences[0];
       assert.match(await page.locator('.marks .item').last().textContent(), /^\d+ places where A and B sound different keys$/);
       const hatched = await page.locator('.marks .item canvas').last().evaluate((canvas) => {
         const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
@@ -525,7 +525,7 @@ test('two takes stand side by side, with the places where they part', async () =
 
 test('two scenes stand at one height, also if one caption is longer', async () => {
   const takes = ['simulation', 'a robot with a name that is so long that it needs a line of its own in the caption of its scene'].map((rig) => sampleTake({ steps: 60, rig }));
-  await withPage(await browser.write({ version: 1, takes, partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes, differences: [] }), {}, async (page) => {
     const [one, other] = await page.locator('.frame').all();
     assert.deepEqual((({ y, height }) => [y, height])(await one.boundingBox()), (({ y, height }) => [y, height])(await other.boundingBox()));
   });
@@ -533,7 +533,7 @@ test('two scenes stand at one height, also if one caption is longer', async () =
 
 test('takes of two songs are named by both', async () => {
   const takes = ['One', 'Two'].map((song, seed) => ({ ...sampleTake({ seed, steps: 60 }), song }));
-  await withPage(await browser.write({ version: 1, takes, partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes, differences: [] }), {}, async (page) => {
     assert.equal(await page.locator('h1').textContent(), 'One and Two');
     assert.match(await page.locator('figcaption .what').nth(1).textContent(), /^Two · simulation/);
   });
@@ -541,7 +541,7 @@ test('takes of two songs are named by both', async () => {
 
 test('more than two takes are chosen from', async () => {
   const takes = [1, 2, 3].map((seed) => ({ ...sampleTake({ seed, steps: 60 }), name: `take ${seed}` }));
-  await withPage(await browser.write({ version: 1, takes, partings: [] }), {}, async (page) => {
+  await withPage(await browser.write({ version: 1, takes, differences: [] }), {}, async (page) => {
     await page.getByRole('combobox', { name: 'Take B' }).selectOption('take 3');
     await page.evaluate(() => window.etude.seek(1.5));
     const step = 1.5 * HZ - 1;
@@ -556,7 +556,7 @@ test('hostile names stay text', async () => {
   hostile.rewards[0].name = evil;
   hostile.scene.bodies[0].name = evil;
   hostile.scene.geoms[0].name = evil;
-  await withPage(await browser.write({ version: 1, takes: [hostile], partings: [] }), PHONE, async (page) => {
+  await withPage(await browser.write({ version: 1, takes: [hostile], differences: [] }), PHONE, async (page) => {
     await page.evaluate(() => window.etude.seek(1));
     assert.equal(await page.evaluate(() => window.broken), undefined);
     assert.equal(await page.locator('img').count(), 0);
@@ -568,7 +568,7 @@ test('hostile names stay text', async () => {
 const BROKEN = {
   'no step': { take: sampleTake({ steps: 0 }), says: 'no control step' },
   'one step': { take: sampleTake({ steps: 1 }), says: 'Nothing was due' },
-  'nothing due': { take: { ...sampleTake({ steps: 100 }), due: Array.from({ length: 100 }, () => []), due_notes: [], heard: [] }, says: 'Nothing was due' },
+  'nothing due': { take: { ...sampleTake({ steps: 100 }), due: Array.from({ length: 100 }, () => []), due_notes: [], matches: [] }, says: 'Nothing was due' },
   'half a recording': { take: { ...sampleTake({ steps: 100 }), incomplete: 'The file ends in the middle of a record.' }, says: 'ends in the middle' },
   'an empty object': { take: {}, says: 'no control step' },
   'keys and no hand': { take: { ...sampleTake({ steps: 100 }), positions: [], start: null, rewards: [], final: null, bar_secs: [] }, says: 'hand stands still' },
@@ -576,7 +576,7 @@ const BROKEN = {
 
 for (const [name, { take, says }] of Object.entries(BROKEN)) {
   test(`${name} is shown as far as it goes`, async () => {
-    await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), {}, async (page) => {
+    await withPage(await browser.write({ version: 1, takes: [take], differences: [] }), {}, async (page) => {
       await page.getByText(says).first().waitFor({ timeout: 20_000 });
       await page.evaluate(() => {
         window.etude.play();
@@ -589,7 +589,7 @@ for (const [name, { take, says }] of Object.entries(BROKEN)) {
 }
 
 test('a page that holds no recording says so', async () => {
-  for (const nothing of [{ version: 1, takes: [], partings: [] }, { version: 2 }, null]) {
+  for (const nothing of [{ version: 1, takes: [], differences: [] }, { version: 2 }, null]) {
     const page = await browser.open(await browser.write(nothing));
     await page.getByRole('alert').waitFor({ timeout: 5000 });
     assert.deepEqual(page.troubles, []);

@@ -261,7 +261,7 @@ export function heldThrough() {
 }
 
 /** Stretches in which two takes sound different keys, joined over gaps of a step. */
-export function partingsOf(one, other) {
+export function differencesOf(one, other) {
   const found = [];
   const steps = Math.min(one.pressed.length, other.pressed.length);
   for (let step = 0; step < steps; step += 1) {
@@ -281,12 +281,12 @@ export function oneTake() {
     { secs: 14.6, kind: 'clamp', text: 'middle_1 held at its limit' },
     { secs: 21.35, kind: 'fault', text: 'no answer from the hand for 40 ms' },
   ];
-  return { version: 1, takes: [sampleTake({ marks })], partings: [] };
+  return { version: 1, takes: [sampleTake({ marks })], differences: [] };
 }
 
 export function twoTakes() {
   const one = sampleTake({ seed: 7 });
   const marks = [{ secs: 12.2, kind: 'warning', text: 'a command came 12 ms late' }, { secs: 12.9, kind: 'clamp', text: 'rail held at its speed limit' }];
   const other = sampleTake({ seed: 29, rig: 'twin', mode: 'hybrid', marks });
-  return { version: 1, takes: [one, other], partings: partingsOf(one, other) };
+  return { version: 1, takes: [one, other], differences: differencesOf(one, other) };
 }

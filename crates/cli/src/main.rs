@@ -1,18 +1,23 @@
 //! The `etude` command: one file a verb, nothing but parsing, calling and printing.
 #![allow(clippy::print_stdout, clippy::print_stderr)] // Printing is what this crate is for.
 
+mod args;
+mod files;
 mod mistakes;
+mod output;
 mod progress;
 mod status;
 mod verbs;
 mod watch;
 
-use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 
-/// Teaches a robot hand to play the piano: from a MIDI file to a policy, and from a policy to music.
+use crate::output::{Ending, error_message, is_broken_pipe, note};
+
+/// Teaches a robot hand to play the piano: from a MIDI file to a policy, and from a policy to
+/// music.
 #[derive(Parser)]
 #[command(name = "etude", version, after_help = EXIT_CODES, max_term_width = 110)]
 struct Cli {
@@ -41,11 +46,11 @@ enum Verb {
     Songs(verbs::songs::Args),
     /// Learn to play a song
     Train(verbs::train::Args),
-    /// A page to work on: drop a MIDI file, hear it, train, perform, compare
+    /// Work on a page: drop a MIDI file, hear it, train, perform, compare
     Serve(verbs::serve::Args),
     /// Show running trainings
     Watch(verbs::watch::Args),
-    /// Play a song with a trained policy and keep the MIDI, sound, frames and recording
+    /// Play a song with a trained policy; writes MIDI, sound, frames and recording
     Play(verbs::play::Args),
     /// Make a page that shows and plays a recording
     Replay(verbs::replay::Args),
@@ -55,7 +60,7 @@ enum Verb {
     Gallery(verbs::gallery::Args),
     /// Stills and videos of a recording
     Render(verbs::render::Args),
-    /// A policy for programs other than Étude
+    /// Export a policy for other programs
     Export(verbs::export::Args),
     /// Play a song in many simulated worlds: how robust a policy is
     Evaluate(verbs::evaluate::Args),
@@ -63,11 +68,11 @@ enum Verb {
     Perform(verbs::perform::Args),
     /// Check, home, calibrate, watch and stop a robot
     Robot(verbs::robot::Args),
-    /// Record a robot that plays no song
+    /// Record a robot at rest or in an excitation
     Record(verbs::record::Args),
     /// Fit the simulator to a robot's recordings
     Identify(verbs::identify::Args),
-    /// Sim2Real2Sim: record, identify, train and perform, in rounds
+    /// Sim2Real2Sim: record, identify, train and perform, repeatedly
     Rehearse(verbs::rehearse::Args),
     /// The paper's experiments and your own: plan, run here or on a cluster, report
     Experiment(verbs::experiment::Args),
@@ -77,24 +82,16 @@ enum Verb {
     Model(verbs::model::Args),
     /// Measure the speed of the simulation and of the learner
     Bench(verbs::bench::Args),
-    /// Report what this machine has, and what cannot be done without each missing item
+    /// Report what this machine has, and what each missing item prevents
     Doctor(verbs::doctor::Args),
-    /// Print what a shell needs to complete the command line
+    /// Print the completions for a shell
     Completions(verbs::completions::Args),
     /// Write the manual pages
     Man(verbs::man::Args),
 }
 
-/// How a verb ended without failing.
-enum Ending {
-    Done,
-    Stopped,
-    /// Another process works on it.
-    Busy,
-}
-
 fn main() -> ExitCode {
-    // A stop that is requested from now on counts, whatever there is to load first.
+    // A stop that is requested from now on counts, also while files are loaded.
     etude_perform::session::process_begins();
     let cli = Cli::try_parse().unwrap_or_else(|error| {
         let words: Vec<String> =
@@ -130,38 +127,18 @@ fn main() -> ExitCode {
         Ok(Ending::Done) => ExitCode::SUCCESS,
         Ok(Ending::Stopped) => ExitCode::from(3),
         Ok(Ending::Busy) => ExitCode::from(etude_experiment::BUSY),
-        // `etude perform … | head`: the output is no longer read, and whether it was stopped matters all the same.
-        Err(error) if broken_pipe(&error) && progress::is_stop_requested() => ExitCode::from(3),
-        Err(error) if broken_pipe(&error) => ExitCode::SUCCESS,
+        // `etude perform … | head` may be stopped too.
+        Err(error) if is_broken_pipe(&error) && progress::is_stop_requested() => ExitCode::from(3),
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if etude_lab::Interrupted::is_cause_of(&error) => {
-            verbs::note(error);
+            note(error);
             ExitCode::from(3)
         }
         Err(error) => {
-            let _ = writeln!(std::io::stderr(), "etude: {}", message(&error));
+            note(format!("etude: {}", error_message(&error)));
             ExitCode::FAILURE
         }
     }
-}
-
-/// The error and its causes in one line, each once: many messages contain their cause already.
-fn message(error: &anyhow::Error) -> String {
-    let mut text = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if !text.contains(&cause) {
-            let colon = if text.is_empty() { "" } else { ": " };
-            text = text + colon + &cause;
-        }
-    }
-    text
-}
-
-/// `etude songs | head` must not fail.
-fn broken_pipe(error: &anyhow::Error) -> bool {
-    error
-        .chain()
-        .filter_map(|cause| cause.downcast_ref::<std::io::Error>())
-        .any(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
 #[cfg(test)]
@@ -174,7 +151,7 @@ mod tests {
 
     use super::shell_blocks::documented;
 
-    /// Verbs, options and values are those of the program, and so are the names that `--set` changes.
+    /// Verbs, options, values and paths of `--set` exist.
     #[test]
     fn every_command_in_a_shell_block_of_readme_and_book_is_one() {
         let commands = documented();
@@ -203,12 +180,5 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         super::Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn a_message_says_everything_once() {
-        let inner = anyhow::anyhow!("no space");
-        let message = |outer: &'static str| super::message(&inner.context(outer));
-        assert_eq!(message("cannot write x: no space; free some"), "cannot write x: no space; free some");
     }
 }

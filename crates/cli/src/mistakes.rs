@@ -1,4 +1,4 @@
-//! A word that the command line does not know here, and the verb that has it. All of it comes from clap's own tree of commands.
+//! Suggestions for an unknown subcommand or option, from clap's tree of commands.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -9,10 +9,9 @@ use clap::{Arg, Command};
 use etude_music::{repertoire, similar_names};
 use etude_perform::shell_line;
 
-/// Largest number of commands that are suggested.
-const MOST: usize = 4;
+const MAX_SUGGESTIONS: usize = 4;
 
-/// `error` of `words` (the program's name first), with what `root` has that is called so, or much like it.
+/// `error` of `words` (the program's name first), with suggestions from `root`.
 pub fn explained(mut error: clap::Error, mut root: Command, words: &[String]) -> clap::Error {
     root.build();
     let context = |kind| match error.get(kind) {
@@ -37,13 +36,13 @@ pub fn explained(mut error: clap::Error, mut root: Command, words: &[String]) ->
     error
 }
 
-/// What `word`, no subcommand where it stands in `words`, may mean: an argument of a subcommand there, a command elsewhere, or one
-/// with nearly this name.
+/// What `word`, no subcommand at its place in `words`, may mean: an argument of a subcommand there,
+/// a command elsewhere, or one with a similar name.
 fn commands(root: &Command, words: &[String], word: &str) -> Vec<String> {
     let at = words.iter().position(|other| other == word).unwrap_or(words.len());
     let (before, after) = (words.get(1..at).unwrap_or_default(), words.get(at + 1..).unwrap_or_default());
     let all = tree(root);
-    // A command line with all that was typed, if it is a right one.
+    // The whole command line, if it is valid.
     let whole = |path: &[&str], from: &[String]| {
         let line = ["etude"].iter().chain(path).map(ToString::to_string).chain(from.iter().cloned());
         let line: Vec<String> = line.collect();
@@ -56,15 +55,17 @@ fn commands(root: &Command, words: &[String], word: &str) -> Vec<String> {
     let names = || all.iter().filter_map(|(path, _)| path.last().copied());
     let is_name = names().any(|name| name == word);
     let here = || all.iter().filter(|(path, _)| path[..path.len() - 1] == *before);
-    let is_near_name = !similar_names(word, here().filter_map(|(path, _)| path.last().copied())).is_empty();
-    // The word as an argument of a subcommand here, or the value of one that has nearly this name.
+    let has_similar_name =
+        !similar_names(word, here().filter_map(|(path, _)| path.last().copied())).is_empty();
+    // The word as an argument of a subcommand here, or a value with a similar name.
     let as_argument = |(path, command): &(Vec<&str>, &Command)| {
         let values = values(command);
         let is_song = is_midi(word) && repertoire::ids().all(|id| values.iter().any(|value| value == id));
-        let near = || similar_names(word, values.iter().map(String::as_str)).first().map(ToString::to_string);
+        let similar =
+            || similar_names(word, values.iter().map(String::as_str)).first().map(ToString::to_string);
         let value = match is_song || values.iter().any(|value| value == word) {
             true => word.to_string(),
-            false => near().filter(|_| !is_name && !is_near_name && !word.contains(['/', '.']))?,
+            false => similar().filter(|_| !is_name && !has_similar_name && !word.contains(['/', '.']))?,
         };
         let line: Vec<String> = std::iter::once(value).chain(after.iter().cloned()).collect();
         whole(path, &line)
@@ -75,7 +76,7 @@ fn commands(root: &Command, words: &[String], word: &str) -> Vec<String> {
     let elsewhere =
         named.map(|(path, _)| whole(path, after).unwrap_or_else(|| format!("etude {}", path.join(" "))));
     let lines = if with_the_word.is_empty() { elsewhere.collect() } else { with_the_word };
-    lines.into_iter().take(MOST).map(|line| format!("did you mean `{line}`?")).collect()
+    lines.into_iter().take(MAX_SUGGESTIONS).map(|line| format!("did you mean `{line}`?")).collect()
 }
 
 fn is_midi(word: &str) -> bool {
@@ -83,7 +84,7 @@ fn is_midi(word: &str) -> bool {
     extension.is_some_and(|extension| extension == "mid" || extension == "midi")
 }
 
-/// Which commands have `option`; if none has and `known` is false, which have one with nearly this name.
+/// The commands with `option`; if there are none and `known` is false, those with a similar one.
 fn options(root: &Command, option: &str, known: bool) -> Option<String> {
     let all = tree(root);
     let names = |arg: &Arg| {
@@ -100,7 +101,9 @@ fn options(root: &Command, option: &str, known: bool) -> Option<String> {
             .collect();
         match paths.len() {
             0 => None,
-            count if count > MOST => Some(format!("{} and other commands", paths[..MOST].join(", "))),
+            count if count > MAX_SUGGESTIONS => {
+                Some(format!("{} and other commands", paths[..MAX_SUGGESTIONS].join(", ")))
+            }
             _ => Some(paths.join(", ")),
         }
     };
@@ -114,7 +117,7 @@ fn options(root: &Command, option: &str, known: bool) -> Option<String> {
     Some(format!("did you mean `{name}`, an option of {}?", of(name)?))
 }
 
-/// Every command that people may type, with its path, parents first.
+/// Every visible command with its path, parents first.
 fn tree(root: &Command) -> Vec<(Vec<&str>, &Command)> {
     let visible =
         root.get_subcommands().filter(|command| !command.is_hide_set() && command.get_name() != "help");

@@ -12,28 +12,28 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::verbs::note;
+use crate::output::note;
 
 /// Exit code of the shell for a program that Ctrl-C ended.
 const INTERRUPTED: i32 = 130;
-/// What a training says after the first request to stop.
+/// Message of a training after the first request to stop.
 pub const STOPPING: &str = "stopping and saving; press Ctrl-C again to end at once without saving";
 
-/// Variable of the environment that is set for a process which has to stop when its standard input ends.
+/// Environment variable: the process stops when its standard input ends.
 pub const ATTENDED: &str = "ETUDE_ATTENDED";
 
 /// The flag that signals set, once a verb has asked for it.
 static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
-/// Set by Ctrl-C, SIGTERM or the end of the terminal, and by the end of standard input if the process is [`ATTENDED`]. A second signal ends
-/// the program at once.
+/// Set by Ctrl-C, SIGTERM or the end of the terminal, and by the end of standard input if the
+/// process is [`ATTENDED`]. A second signal ends the program at once.
 pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     let flag = STOP.get_or_init(Arc::default).clone();
     if std::env::var_os(ATTENDED).is_some() {
         stop_when_unattended(&flag);
     }
     for signal in stopping_signals() {
-        // First, so that it sees what the signal before has set.
+        // Registered first, so that it sees the flag of the previous signal.
         signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED, flag.clone())?;
         signal_hook::flag::register(signal, flag.clone())?;
     }
@@ -71,13 +71,14 @@ pub fn stop_when_unattended(flag: &Arc<AtomicBool>) {
     });
 }
 
-/// Where progress is drawn: on standard error if that is a terminal, else nowhere.
+/// Progress is drawn on standard error if that is a terminal, else not at all.
 pub fn target(quiet: bool) -> ProgressDrawTarget {
     let hidden = quiet || !std::io::stderr().is_terminal();
     if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() }
 }
 
-/// A bar of `total` parts with the text `right` beside it, hidden if `quiet` or where standard error is no terminal.
+/// A bar of `total` parts with the text `right` beside it, hidden if `quiet` or where standard
+/// error is no terminal.
 pub fn bar(total: u64, right: &str, quiet: bool) -> ProgressBar {
     let style = ProgressStyle::with_template(&format!("{{bar:32}} {{percent:>3}} %  {right}"));
     ProgressBar::with_draw_target(Some(total), target(quiet))
@@ -95,11 +96,11 @@ pub struct Progress {
     first_step: u64,
     last: Vec<Score>,
     best: Vec<Score>,
-    told: bool,
+    is_stop_noted: bool,
 }
 
 impl Progress {
-    /// Progress of `run` from where it stands; `limit` ends it early. `quiet` writes nothing.
+    /// Progress of `run`, with a time `limit`. `quiet` writes nothing.
     pub fn new(run: &Run, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
         let total = run.config().trainer.total_steps;
         let started = Instant::now();
@@ -113,7 +114,7 @@ impl Progress {
             first_step: run.step(),
             last: Vec::new(),
             best: run.best_scores().to_vec(),
-            told: false,
+            is_stop_noted: false,
         }
     }
 
@@ -124,7 +125,7 @@ impl Progress {
 
     fn message(&self, step: u64) -> String {
         let best = self.best.first().map_or(0.0, |f1| f1.value);
-        let played = match heard(&self.last) {
+        let played = match evaluation_summary(&self.last) {
             None => "not yet evaluated".to_string(),
             Some(last) => {
                 let learned = self.last.iter().find(|score| score.name == LEARNED_F1);
@@ -133,7 +134,7 @@ impl Progress {
                 format!("{last}{learned} (best {best:.3})")
             }
         };
-        // A warm start is evaluated before its first step, when its speed is not known.
+        // A warm start is evaluated before its first step, so it has no speed yet.
         if step == self.first_step {
             return format!("{played}  step {step}");
         }
@@ -148,12 +149,12 @@ impl Progress {
 }
 
 /// An evaluation in words: notes, then F1. None without scores.
-pub fn heard(scores: &[Score]) -> Option<String> {
+pub fn evaluation_summary(scores: &[Score]) -> Option<String> {
     let f1 = format!("F1 {:.3}", scores.first()?.value);
     Some(NoteCounts::of_evaluation(scores).map_or_else(|| f1.clone(), |notes| format!("{notes}, {f1}")))
 }
 
-/// A time as a clock shows it.
+/// A duration as `m:ss` or hours and minutes.
 pub fn clock(secs: f64) -> String {
     let whole = secs.round() as u64;
     let (hours, minutes, secs) = (whole / 3600, whole / 60 % 60, whole % 60);
@@ -180,7 +181,7 @@ impl TrainingObserver for Progress {
 
     fn should_stop(&mut self) -> Option<StopReason> {
         if self.stop.load(Ordering::Relaxed) {
-            if !self.quiet && !std::mem::replace(&mut self.told, true) {
+            if !self.quiet && !std::mem::replace(&mut self.is_stop_noted, true) {
                 self.finish();
                 note(STOPPING);
             }
@@ -194,21 +195,20 @@ impl TrainingObserver for Progress {
 mod tests {
     use etude_learn::Score;
 
-    use super::{clock, heard};
+    use super::{clock, evaluation_summary};
 
     #[test]
     fn notes_come_first() {
         let score = |(name, value): (&str, f64)| Score { name: name.to_string(), value };
         let counted =
             [("f1", 0.96), ("notes_right", 12.0), ("notes_missed", 2.0), ("notes_wrong", 3.0)].map(score);
-        assert_eq!(heard(&counted).unwrap(), "12 of 14 notes right, 3 wrong, F1 0.960");
-        // A run of an earlier version.
-        assert_eq!(heard(&counted[..1]).unwrap(), "F1 0.960");
-        assert_eq!(heard(&[]), None);
+        assert_eq!(evaluation_summary(&counted).unwrap(), "12 of 14 notes right, 3 wrong, F1 0.960");
+        assert_eq!(evaluation_summary(&counted[..1]).unwrap(), "F1 0.960");
+        assert_eq!(evaluation_summary(&[]), None);
     }
 
     #[test]
-    fn times_read_like_a_clock() {
+    fn durations_are_formatted() {
         assert_eq!((clock(59.6), clock(3725.0)), ("1:00".to_string(), "1 h 02 min".to_string()));
     }
 }

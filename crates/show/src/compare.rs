@@ -85,7 +85,7 @@ pub fn title(a: &Take, b: &Take) -> String {
 }
 
 fn stroke(take: &Take, index: usize) -> Option<Stroke> {
-    let heard = take.heard[index]?;
+    let heard = take.matches[index]?;
     let (due, played) = (take.due_notes[index], take.notes[heard.note]);
     Some(Stroke {
         onset_error_secs: played.start - due.start,
@@ -96,7 +96,7 @@ fn stroke(take: &Take, index: usize) -> Option<Stroke> {
 }
 
 fn strays(take: &Take) -> Vec<PlayedNote> {
-    let plays_none = |index: usize| take.heard.iter().flatten().all(|heard| heard.note != index);
+    let plays_none = |index: usize| take.matches.iter().flatten().all(|heard| heard.note != index);
     take.notes.iter().enumerate().filter(|(index, _)| plays_none(*index)).map(|(_, note)| *note).collect()
 }
 

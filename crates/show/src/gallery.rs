@@ -1,4 +1,5 @@
-//! A gallery: an index page of recordings, each with a still picture, its piano roll, its sound, and its replay behind them.
+//! A gallery: an index page of recordings, each with a still picture, its piano roll, its sound,
+//! and its replay behind them.
 
 use std::path::{Path, PathBuf};
 
@@ -70,7 +71,8 @@ pub struct Exhibit {
 /// Makes a gallery of `recordings` in `folder`. Reports the index of the recording that is next.
 ///
 /// # Errors
-/// If no recording can be shown, or a file cannot be written; [`Interrupted`] if the job is interrupted.
+/// If no recording can be shown, or a file cannot be written; [`Interrupted`] if the job is
+/// interrupted.
 pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) -> anyhow::Result<Gallery> {
     make_folder(folder)?;
     let mut gallery = Gallery {

@@ -1,4 +1,5 @@
-//! The shell of our HTML pages, and their tables. A page loads no other file, except the pictures and sounds of its folder.
+//! The shell of our HTML pages, and their tables. A page loads no other file, except the pictures
+//! and sounds of its folder.
 
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 
@@ -37,7 +38,8 @@ pub(crate) fn document(title: &str, policy: Option<&str>, style: &str, body: &Ma
 /// From how many columns on a table is wider than a phone.
 const WIDE: usize = 5;
 
-/// A table with the heading `caption`; nothing without rows. A wide one scrolls by itself, also by keys.
+/// A table with the heading `caption`; nothing without rows. A wide one scrolls by itself, also by
+/// keys.
 pub fn table(caption: &str, columns: &[impl Render], rows: impl IntoIterator<Item = Vec<String>>) -> Markup {
     let mut rows = rows.into_iter().peekable();
     html! {

@@ -1,5 +1,5 @@
-//! Everything that shows a run: replay pages, galleries, pictures and videos, running trainings, the page of a rehearsal, and
-//! models for other programs.
+//! Everything that shows a run: replay pages, galleries, pictures and videos, running trainings,
+//! the page of a rehearsal, and models for other programs.
 
 pub mod compare;
 pub mod export;

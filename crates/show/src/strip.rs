@@ -1,31 +1,22 @@
-//! The strip below the pictures of a video: the piano roll, which runs from right to left past a line that is now.
+//! The strip below the pictures of a video: the piano roll, which moves from right to left past a
+//! line for the current time.
 
 use etude_music::key_is_black;
 
-use crate::replay::{PlayedNote, Shown, Take};
+use crate::replay::{FILL_OF_OUT_OF_TIME, NoteJudgement, PlayedNote, Take};
 
 /// Share of a picture's height.
 const SHARE: f64 = 0.22;
-/// Seconds from the left edge to the right one, and the share of them that is past.
+/// Seconds from the left edge to the right one, and the past share of them.
 const SPAN_SECS: f64 = 6.0;
 const PAST: f64 = 0.3;
 /// At least an octave is shown.
-const LEAST_ROWS: u8 = 13;
+const MIN_ROWS: u8 = 13;
 
-/// Okabe and Ito's colours, told apart by every kind of colour vision, as on the replay page (`viewer/src/theme.js`).
-pub(crate) const RIGHT: [u8; 3] = [0x00, 0x72, 0xb2];
-pub(crate) const OFF: [u8; 3] = [0xcc, 0x79, 0xa7];
-pub(crate) const MISSED: [u8; 3] = [0xd5, 0x5e, 0x00];
-pub(crate) const WRONG: [u8; 3] = [0xe6, 0x9f, 0x00];
-/// A stroke that is not judged.
-const PLAYED: [u8; 3] = [0x62, 0x65, 0x6b];
-pub(crate) const DUE: [u8; 3] = [0x56, 0xb4, 0xe9];
-/// What is still to come.
+/// A due note that has not been played yet.
 const COMING: [u8; 3] = [0x9d, 0xc9, 0xe6];
 
-/// How opaque the inside of a stroke is that comes too early or too late.
-pub(crate) const FILL_OF_OFF: f64 = 0.35;
-/// From one line of the hatch of a missed note to the next, pixels.
+/// Distance of the hatch lines of a missed note, pixels.
 const HATCH: f64 = 5.0;
 
 const PAPER: [u8; 3] = [0xff, 0xff, 0xff];
@@ -33,22 +24,11 @@ const SHADE: [u8; 3] = [0xec, 0xea, 0xe6];
 const LINE: [u8; 3] = [0xbd, 0xb8, 0xb0];
 const INK: [u8; 3] = [0x24, 0x26, 0x2a];
 
-/// The colour of a stroke or of a missed note.
-pub(crate) fn colour(shown: Shown) -> [u8; 3] {
-    match shown {
-        Shown::Right => RIGHT,
-        Shown::Off => OFF,
-        Shown::Missed => MISSED,
-        Shown::Wrong => WRONG,
-        Shown::Played => PLAYED,
-    }
-}
-
 /// A note that is due, or what was played of it.
 struct Bar {
     pitch: u8,
     secs: [f64; 2],
-    shown: Option<Shown>,
+    judgement: Option<NoteJudgement>,
 }
 
 /// The strip of one take.
@@ -65,23 +45,24 @@ pub(crate) struct Strip {
 }
 
 impl Strip {
-    /// Height of the strip in a picture of `height` pixels; even, as videos want it.
+    /// Height of the strip in a picture of `height` pixels; even, as videos need it.
     pub fn height_in(height: u32) -> u32 {
         (SHARE * f64::from(height) / 2.0) as u32 * 2
     }
 
-    /// The strip of `take`; none if no key is due or sounds.
+    /// The strip of `take`; none without notes.
     pub fn new(take: &Take, width: u32, height: u32) -> Option<Self> {
-        let (mut low, mut high) = take.compass()?;
-        // A row free above and below, and an octave at least.
+        let (mut low, mut high) = take.pitch_range()?;
+        // An empty row above and below, and an octave at least.
         (low, high) = (low - 1, high + 1);
-        while high - low + 1 < LEAST_ROWS {
+        while high - low + 1 < MIN_ROWS {
             high += 1;
-            low -= u8::from(high - low + 1 < LEAST_ROWS);
+            low -= u8::from(high - low + 1 < MIN_ROWS);
         }
-        let bar = |note: PlayedNote, shown| Bar { pitch: note.pitch, secs: [note.start, note.end], shown };
+        let bar =
+            |note: PlayedNote, judgement| Bar { pitch: note.pitch, secs: [note.start, note.end], judgement };
         let due = take.due_notes.iter().map(|note| bar(*note, None));
-        let played = take.stretches().into_iter().map(|stretch| bar(stretch.note, Some(stretch.shown)));
+        let played = take.judged_notes().into_iter().map(|judged| bar(judged.note, Some(judged.judgement)));
         let (width, height) = (width as usize, height as usize);
         let mut strip = Self {
             width,
@@ -101,14 +82,15 @@ impl Strip {
         Some(strip)
     }
 
-    /// Upper and lower edge of a pitch's row, without the share `inset` of it on either side, pixels.
+    /// Upper and lower edge of a pitch's row without the share `inset` on either side, pixels.
     fn rows(&self, pitch: u8, inset: f64) -> [f64; 2] {
         let row = self.height as f64 / f64::from(self.high - self.low + 1);
         let top = f64::from(self.high - pitch) * row;
         [top + inset * row, top + (1.0 - inset) * row]
     }
 
-    /// The strip at a time: rows from top to bottom, three bytes a pixel. What is past shows how it was played.
+    /// The strip at a time: rows from top to bottom, three bytes a pixel. Past notes show their
+    /// judgement.
     pub fn paint(&mut self, secs: f64) -> &[u8] {
         let (width, height) = (self.width as f64, self.height as f64);
         let x = move |at: f64| ((at - secs) / SPAN_SECS + PAST) * width;
@@ -120,17 +102,16 @@ impl Strip {
         }
         for bar in &self.bars {
             let [from, to] = bar.secs;
-            // They differ in shape and not only in colour.
-            let inset = if bar.shown == Some(Shown::Wrong) { 0.28 } else { 0.08 };
-            let colour = bar.shown.map_or(COMING, colour);
-            // Only the past has been played.
-            let to = if bar.shown.is_some() { to.min(secs) } else { to };
+            // Judgements differ in shape too, not only in colour.
+            let inset = if bar.judgement == Some(NoteJudgement::Wrong) { 0.28 } else { 0.08 };
+            let colour = bar.judgement.map_or(COMING, NoteJudgement::colour);
+            let to = if bar.judgement.is_some() { to.min(secs) } else { to };
             if from < to && x(to) > 0.0 && x(from) < width {
                 canvas.fill([x(from), x(to)], self.rows(bar.pitch, inset), colour);
                 let within = ([x(from) + 1.5, x(to) - 1.5], self.rows(bar.pitch, 0.22));
-                match bar.shown {
-                    Some(Shown::Off) => canvas.fill(within.0, within.1, pale(colour)),
-                    Some(Shown::Missed) => canvas.hatch(within.0, within.1, colour),
+                match bar.judgement {
+                    Some(NoteJudgement::OutOfTime) => canvas.fill(within.0, within.1, pale(colour)),
+                    Some(NoteJudgement::Missed) => canvas.hatch(within.0, within.1, colour),
                     _ => {}
                 }
             }
@@ -142,11 +123,11 @@ impl Strip {
     }
 }
 
-/// The colour at [`FILL_OF_OFF`] on the paper.
+/// The colour at [`FILL_OF_OUT_OF_TIME`] on the paper.
 fn pale(colour: [u8; 3]) -> [u8; 3] {
     let mixed = |channel: usize| {
         let [from, to] = [PAPER[channel], colour[channel]].map(f64::from);
-        (from + FILL_OF_OFF * (to - from)).round() as u8
+        (from + FILL_OF_OUT_OF_TIME * (to - from)).round() as u8
     };
     std::array::from_fn(mixed)
 }
@@ -171,11 +152,11 @@ impl Canvas<'_> {
         }
     }
 
-    /// Fills a rectangle. Edges within a pixel are mixed with what is there, so that the roll runs smoothly.
+    /// Fills a rectangle with anti-aliased edges, so that the roll moves smoothly.
     fn fill(&mut self, xs: [f64; 2], ys: [f64; 2], colour: [u8; 3]) {
-        let clipped = |[from, to]: [f64; 2], most: usize| {
-            let most = most as f64;
-            [from.clamp(0.0, most), to.clamp(0.0, most)]
+        let clipped = |[from, to]: [f64; 2], limit: usize| {
+            let limit = limit as f64;
+            [from.clamp(0.0, limit), to.clamp(0.0, limit)]
         };
         let (xs, ys) = (clipped(xs, self.width), clipped(ys, self.height));
         if xs[0] >= xs[1] || ys[0] >= ys[1] {
@@ -209,7 +190,8 @@ mod tests {
 
     use super::*;
 
-    /// Two seconds: C4 is due in the first and played, E4 in the second and missed; G4 sounds in the second and is not due.
+    /// Two seconds: C4 is due in the first and played, E4 in the second and missed; G4 sounds in
+    /// the second and is not due.
     fn take() -> Take {
         let step = |index: usize| StepMessage {
             positions: vec![0.0; DRIVEN_JOINTS],
@@ -249,19 +231,19 @@ mod tests {
         // Before it begins, both notes are to come.
         assert_eq!(at(&mut strip, -0.5, 180 + 100, 60), COMING);
         assert_eq!(at(&mut strip, -0.5, 180 + 200, 64), COMING);
-        assert_ne!(at(&mut strip, -0.5, 180 + 200, 67), WRONG);
+        assert_ne!(at(&mut strip, -0.5, 180 + 200, 67), NoteJudgement::Wrong.colour());
         // In the middle of the first, its beginning was right, its end is to come.
-        assert_eq!(at(&mut strip, 0.5, 180 - 25, 60), RIGHT);
+        assert_eq!(at(&mut strip, 0.5, 180 - 25, 60), NoteJudgement::Right.colour());
         assert_eq!(at(&mut strip, 0.5, 180 + 25, 60), COMING);
         assert_eq!(at(&mut strip, 0.5, 180, 60), INK);
         // At the end the second was missed: an outline, hatched; and another key sounded.
         let edge = strip.rows(64, 0.15)[0] as usize;
-        assert_eq!(at(&mut strip, 2.0, 180 - 50, 67), WRONG);
+        assert_eq!(at(&mut strip, 2.0, 180 - 50, 67), NoteJudgement::Wrong.colour());
         let pixels = strip.paint(2.0);
-        assert_eq!(pixels[3 * (edge * 600 + 130)..][..3], MISSED);
+        assert_eq!(pixels[3 * (edge * 600 + 130)..][..3], NoteJudgement::Missed.colour());
         let middle = strip.rows(64, 0.5)[0] as usize;
         let row: Vec<[u8; 3]> =
             (100..160).map(|x| strip.pixels[3 * (middle * 600 + x)..][..3].try_into().unwrap()).collect();
-        assert!(row.contains(&PAPER) && row.contains(&MISSED));
+        assert!(row.contains(&PAPER) && row.contains(&NoteJudgement::Missed.colour()));
     }
 }

@@ -1,4 +1,5 @@
-//! The page of `etude serve`: its program and styles, from `viewer/`. What it shows it asks of the server.
+//! The page of `etude serve`: its program and styles, from `viewer/`. What it shows it asks of the
+//! server.
 
 use maud::{PreEscaped, html};
 
@@ -7,7 +8,8 @@ use crate::html::document;
 /// The program of the page, built by `npm run build` in `viewer/`.
 const SCRIPT: &str = include_str!("../../../viewer/dist/work.js");
 const STYLE: &str = include_str!("../../../viewer/dist/work.css");
-/// The content security policy: only this script and these styles, and only what this server serves.
+/// The content security policy: only this script and these styles, and only what this server
+/// serves.
 const POLICY: &str = include_str!("../../../viewer/dist/work-csp.txt");
 
 /// The page, and its Content-Security-Policy.

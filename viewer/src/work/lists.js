@@ -1,26 +1,26 @@
-/** Lists of what runs and of what there is: jobs, performances, comparisons, trainings. */
+/** The lists of jobs, performances, comparisons and trainings. */
 
 import { strokeText } from '../classify.js';
 import { element, pitchName } from '../dom.js';
-import * as ask from './ask.js';
+import * as api from './api.js';
 import { curve, stepsText } from './curve.js';
 import { button, choice, field, notesText, playerText, scoreText, table, timeText } from './parts.js';
 
 /** Whether a job has not ended. */
 export const runs = (job) => job.state === 'running' || job.state === 'stopping';
 
-/** What a state is called. */
+/** Names of the states. */
 const STATES = {
   running: 'running', stopping: 'stopping and saving', done: 'done', stopped: 'stopped', failed: 'failed',
   waiting: 'without a step yet', silent: 'stopped', finished: 'finished',
 };
 
-/** Largest number of ended jobs that are still shown. */
-const ENDED = 3;
+/** Ended jobs that are shown. */
+const MAX_ENDED = 3;
 
 /** Jobs that run, and the last ones that failed or were stopped. */
 export function jobsList(jobs, { stop }) {
-  const ended = jobs.filter((job) => !runs(job) && job.state !== 'done').slice(0, ENDED);
+  const ended = jobs.filter((job) => !runs(job) && job.state !== 'done').slice(0, MAX_ENDED);
   const shown = [...jobs.filter(runs), ...ended];
   if (shown.length === 0) return null;
   const item = (job) => element(
@@ -31,12 +31,12 @@ export function jobsList(jobs, { stop }) {
       runs(job) ? button('Stop', `stop${job.id}`, () => stop(job.id), { disabled: job.state === 'stopping', 'aria-label': `Stop: ${job.title}` }) : null,
     ),
     element('p', {}, element('code', { text: job.command })),
-    job.said.length > 0 ? element('p', { class: job.state === 'failed' ? 'problem' : 'note', text: job.said.join('\n') }) : null,
+    job.log.length > 0 ? element('p', { class: job.state === 'failed' ? 'problem' : 'note', text: job.log.join('\n') }) : null,
   );
   return [element('ul', { class: 'jobs' }, ...shown.map(item))];
 }
 
-/** Performances to listen to, to see and to compare. */
+/** Performances with sound, replay and comparison. */
 export function performancesList(performances, { listen, start, chosen }) {
   if (performances.length === 0) return null;
   const compare = button('Compare the two that are marked', 'compare', () => start({ verb: 'compare', one: chosen[0], other: chosen[1] }));
@@ -79,9 +79,9 @@ export function performancesList(performances, { listen, start, chosen }) {
   ];
 }
 
-/** A link to a replay, which opens beside the page. */
+/** A link to a replay, which opens in a new tab. */
 export function replayLink(page, name) {
-  return element('a', { href: ask.address(page), target: '_blank', rel: 'noopener', text: 'Replay', 'data-key': `page ${page}`, 'aria-label': `Replay of ${name}` });
+  return element('a', { href: api.address(page), target: '_blank', rel: 'noopener', text: 'Replay', 'data-key': `page ${page}`, 'aria-label': `Replay of ${name}` });
 }
 
 /** The comparisons, to choose one. */
@@ -93,12 +93,12 @@ export function comparisonsList(paths, choose) {
   return [field('Comparison', choices)];
 }
 
-/** The rows of a comparison in order of time: the notes that were due, and the strokes that play none. */
+/** The rows of a comparison in order of time: the due notes and the wrong strokes. */
 export function comparedRows({ notes, strays }) {
-  const heard = (stroke) => strokeText(stroke && {
+  const played = (stroke) => strokeText(stroke && {
     onset: stroke.onset_error_secs, length: stroke.length_error_secs, velocity: stroke.velocity, right: stroke.right,
   });
-  const due = notes.map((note) => ({ secs: note.due_secs, cells: [note.name, ...note.played.map(heard)] }));
+  const due = notes.map((note) => ({ secs: note.due_secs, cells: [note.name, ...note.played.map(played)] }));
   const wrong = strays.flatMap((strokes, side) => strokes.map(({ pitch, start, end, velocity }) => {
     const text = `wrong stroke, ${Math.round((end - start) * 1e3)}, ${velocity}`;
     return { secs: start, cells: [pitchName(pitch), side === 0 ? text : '', side === 1 ? text : ''] };
@@ -107,7 +107,7 @@ export function comparedRows({ notes, strays }) {
   return all.map(({ secs, cells }) => [`${secs.toFixed(2)} s`, ...cells]);
 }
 
-/** What `etude compare` found. */
+/** The output of `etude compare`. */
 export function comparison(path, compared) {
   const sides = ['a', 'b'].map((side) => compared[side]);
   const songs = sides[0].song === sides[1].song ? sides[0].song : `${sides[0].song} (A) and ${sides[1].song} (B), which have the same notes`;
@@ -127,9 +127,9 @@ export function comparison(path, compared) {
 export function trainingsList(trainings, jobs, { start, stop, songs }) {
   if (trainings.length === 0) return null;
   const cards = trainings.map((run) => {
-    const job = jobs.find((job) => job.makes === run.run && runs(job));
-    // One that has logged lately and is no job of this server may be the work of another process.
-    const rest = run.state !== 'running' ? STATES[run.state] : jobs.some(({ makes }) => makes === run.run) ? 'stopped' : 'stopped, or running elsewhere';
+    const job = jobs.find((job) => job.output === run.run && runs(job));
+    // A training that has logged lately and is no job of this server may belong to another process.
+    const rest = run.state !== 'running' ? STATES[run.state] : jobs.some(({ output }) => output === run.run) ? 'stopped' : 'stopped, or running elsewhere';
     const state = job ? STATES[job.state] : rest;
     const song = songs.find(({ title }) => title === run.song)?.song;
     const left = Math.min(run.secs_left ?? Infinity, job?.secs_left ?? Infinity);

@@ -1,14 +1,14 @@
-/** The page of `etude serve`. All that it does is done by verbs of `etude`, and all that it shows lies in files; so a reload loses nothing. */
+/** The page of `etude serve`. Its buttons run verbs of `etude`, and all that it shows is in files; so a reload loses nothing. */
 
 import { element, reveal, setText } from '../dom.js';
-import * as ask from './ask.js';
+import * as api from './api.js';
 import { comparison, comparisonsList, jobsList, performancesList, runs, trainingsList } from './lists.js';
 import { Section, choice, field, notesText, playerText, scoreText } from './parts.js';
 import { SongSection } from './song.js';
 
-/** Time between two questions to the server while something runs, and while nothing does, ms. */
-const SOON = 200;
-const LATER = 1500;
+/** Time between two requests of the state while a job runs, and otherwise, ms. */
+const POLL_INTERVAL_BUSY = 200;
+const POLL_INTERVAL_IDLE = 1500;
 
 const trouble = element('p', { class: 'trouble', role: 'alert' });
 const status = element('p', { class: 'note', role: 'status' });
@@ -22,38 +22,38 @@ const drop = element(
 );
 const player = element('audio', { controls: true, preload: 'metadata', id: 'player', 'aria-label': 'The performance' });
 const heading = element('p', {});
-const heard = element('section', { class: 'heard' }, element('h2', { text: 'What was played' }), heading, player);
-heard.hidden = true;
-const song = new SongSection((wanted) => start(wanted), (about) => read(about));
+const playback = element('section', { class: 'playback' }, element('h2', { text: 'Performance' }), heading, player);
+playback.hidden = true;
+const song = new SongSection((request) => start(request), (about) => analyse(about));
 const jobs = new Section('Jobs');
 const performances = new Section('Performances');
 const comparisons = new Section('Comparisons');
 const compared = new Section('Note by note');
 const trainings = new Section('Trainings');
 
-/** What to do when a job has come so far, and whether a person has asked for the job, by its number. */
+/** By a job's number: what follows its first step, and whether the user has requested it. */
 const waiting = new Map();
 /** Recordings that are marked for a comparison. */
 const chosen = [];
 let known = { songs: [], jobs: [], performances: [], comparisons: [], runs: [] };
-/** Number of the last question for the state, so that a late answer to an earlier one is dropped. */
-let asked = 0;
+/** Number of the last request of the state: a late response to an older one is dropped. */
+let requests = 0;
 let timer;
 
 document.getElementById('work').append(
   element('header', {}, element('h1', { text: 'Étude' }), folder),
   element(
-    'main', {}, trouble, drop, field('Song', chooser), status, heard, song.root,
+    'main', {}, trouble, drop, field('Song', chooser), status, playback, song.root,
     jobs.root, performances.root, comparisons.root, compared.root, trainings.root,
   ),
 );
 
 function fail(error) {
   setText(trouble, error.message);
-  trouble.dataset.gone = String(error.isGone === true);
+  trouble.dataset.offline = String(error.isOffline === true);
 }
 
-/** Does something that a person has asked for; what goes wrong is said, and brought into view. */
+/** Does something that the user has requested; shows an error. */
 async function attempt(act) {
   try {
     trouble.textContent = '';
@@ -65,47 +65,47 @@ async function attempt(act) {
 }
 
 /** Starts a verb; gives the number of its job. */
-async function begun(wanted, isAskedFor) {
-  const id = await ask.start(wanted);
-  waiting.set(id, { then: (job) => AFTER[wanted.verb]?.(job, wanted), isAskedFor });
-  await look();
+async function startJob(request, isUserRequest) {
+  const id = await api.start(request);
+  waiting.set(id, { then: (job) => AFTER[request.verb]?.(job, request), isUserRequest });
+  await poll();
   return id;
 }
 
-/** Starts a verb that a person has asked for, and brings its job into view while it runs. */
-const start = (wanted) => attempt(async () => {
-  const id = await begun(wanted, true);
+/** Starts a verb that the user has requested, and scrolls to its job while it runs. */
+const start = (request) => attempt(async () => {
+  const id = await startJob(request, true);
   if (known.jobs.some((job) => job.id === id && runs(job))) reveal(jobs.content.querySelector('li'));
 });
 
 const stop = (id) => attempt(async () => {
-  await ask.stop(id);
-  await look();
+  await api.stop(id);
+  await poll();
 });
 
-/** What follows the first step of a verb that this page has started. */
+/** What follows the first step of a verb. */
 const AFTER = {
-  // What was just read counts, whatever the times of its files are.
+  // The new output is shown, whatever the times of its files are.
   show: (job, { song: shown }) => shown === song.song && song.choose(shown, false),
-  arrange: (job) => choose(job.makes),
-  play: hear,
-  perform: hear,
-  compare: (job) => showComparison(job.makes),
+  arrange: (job) => choose(job.output),
+  play: listenTo,
+  perform: listenTo,
+  compare: (job) => showComparison(job.output),
   replay: (_, { recording }) => {
     const { page } = known.performances.find((performance) => performance.recording === recording) ?? {};
     if (page) reveal(performances.content.querySelector(`[data-key="${CSS.escape(`page ${page}`)}"]`));
   },
 };
 
-/** Lets `etude songs show` read a song, or waits for it if it does so already. */
-async function read({ song: name, about }) {
-  const job = known.jobs.find((job) => job.makes === about && runs(job));
-  if (job) waiting.set(job.id, { then: () => AFTER.show(job, { song: name }), isAskedFor: false });
-  else await begun({ verb: 'show', song: name }, false);
+/** Runs `etude songs show` on a song, or waits for it if it is running. */
+async function analyse({ song: name, about }) {
+  const job = known.jobs.find((job) => job.output === about && runs(job));
+  if (job) waiting.set(job.id, { then: () => AFTER.show(job, { song: name }), isUserRequest: false });
+  else await startJob({ verb: 'show', song: name }, false);
 }
 
-function hear(job) {
-  const performance = known.performances.find(({ recording }) => recording.startsWith(`${job.makes}/`));
+function listenTo(job) {
+  const performance = known.performances.find(({ recording }) => recording.startsWith(`${job.output}/`));
   if (performance) return listen(performance);
   return undefined;
 }
@@ -114,19 +114,19 @@ function hear(job) {
 async function listen(performance) {
   const figures = [notesText(performance), scoreText(performance.f1)].filter(Boolean).join(', ');
   heading.textContent = `${performance.song}, played by ${playerText(performance.player)}: ${figures}`;
-  heard.hidden = false;
-  reveal(heard);
-  // The file of this name may be a new one.
-  player.src = `${ask.address(performance.wav)}?at=${Date.now()}`;
+  playback.hidden = false;
+  reveal(playback);
+  // The file may have been replaced.
+  player.src = `${api.address(performance.wav)}?at=${Date.now()}`;
   try {
     await player.play();
   } catch (error) {
-    // A browser may want its button pressed first, and another sound may have been chosen.
+    // A browser may require a click first, and another sound may have been chosen.
     if (error.name !== 'NotAllowedError' && error.name !== 'AbortError') fail(new Error(`${performance.wav} cannot be played: ${error.message}`));
   }
 }
 
-/** Shows a song; the address keeps it, so that a reload shows it again. */
+/** Shows a song and puts it into the address, for a reload. */
 async function choose(name) {
   chooser.value = name;
   history.replaceState(null, '', `#${encodeURIComponent(name)}`);
@@ -134,18 +134,18 @@ async function choose(name) {
 }
 
 async function showComparison(path) {
-  const found = await ask.json(path);
+  const found = await api.json(path);
   comparisons.content.querySelector('select').value = path;
   compared.show([path, found], () => comparison(path, found));
   reveal(compared.root);
 }
 
-/** Takes a MIDI file: shows it, and lets it be played if the keyboard has its notes. */
-const take = (file) => attempt(async () => {
+/** Uploads a MIDI file, shows it, and plays it if the keyboard has its notes. */
+const upload = (file) => attempt(async () => {
   status.textContent = `Reading ${file.name}…`;
   try {
-    const name = await ask.handOver(file);
-    await look();
+    const name = await api.upload(file);
+    await poll();
     const { problem, policy } = await choose(name);
     if (problem === null) await start({ verb: 'play', song: name, player: policy === null ? 'scripted' : 'best' });
   } finally {
@@ -153,34 +153,34 @@ const take = (file) => attempt(async () => {
   }
 });
 
-/** Asks how things are, shows it, and asks again after a while. */
-async function look() {
+/** Requests the state, shows it, and repeats this after a while. */
+async function poll() {
   clearTimeout(timer);
-  asked += 1;
-  const question = asked;
+  requests += 1;
+  const number = requests;
   try {
-    const seen = await ask.state();
-    if (question !== asked) return;
-    known = seen;
-    if (trouble.dataset.gone === 'true') fail(new Error(''));
+    const state = await api.state();
+    if (number !== requests) return;
+    known = state;
+    if (trouble.dataset.offline === 'true') fail(new Error(''));
     show();
     await follow();
   } catch (error) {
     fail(error);
   }
-  if (question === asked) timer = setTimeout(look, known.jobs.some(runs) ? SOON : LATER);
+  if (number === requests) timer = setTimeout(poll, known.jobs.some(runs) ? POLL_INTERVAL_BUSY : POLL_INTERVAL_IDLE);
 }
 
-/** Does what follows the jobs that have come so far. */
+/** Does what follows the first steps of the jobs. */
 async function follow() {
   for (const job of known.jobs.filter(({ id }) => waiting.has(id))) {
-    const { then, isAskedFor } = waiting.get(job.id);
-    if (job.done > 0 || !runs(job)) waiting.delete(job.id);
-    if (job.done > 0) await then(job);
+    const { then, isUserRequest } = waiting.get(job.id);
+    if (job.steps_done > 0 || !runs(job)) waiting.delete(job.id);
+    if (job.steps_done > 0) await then(job);
     else if (job.state === 'stopped') status.textContent = `Stopped: ${job.title}`;
     else if (job.state === 'failed') {
-      fail(new Error(`${job.title}: ${job.said.join('\n') || 'failed'}`));
-      if (isAskedFor) reveal(trouble);
+      fail(new Error(`${job.title}: ${job.log.join('\n') || 'failed'}`));
+      if (isUserRequest) reveal(trouble);
     }
   }
 }
@@ -204,7 +204,7 @@ function show() {
   comparisons.show(known.comparisons, () => comparisonsList(known.comparisons, (path) => attempt(() => showComparison(path))));
   const steady = known.runs.map(({ secs_since_written: _, ...run }) => run);
   trainings.show(
-    [steady, known.songs, brief.map(({ id, makes, state }) => [id, makes, state])],
+    [steady, known.songs, brief.map(({ id, output, state }) => [id, output, state])],
     () => trainingsList(steady, brief, { start, stop, songs: known.songs }),
   );
 }
@@ -212,7 +212,7 @@ function show() {
 chooser.addEventListener('change', () => attempt(() => choose(chooser.value)));
 input.addEventListener('change', () => {
   const [file] = input.files;
-  if (file) take(file);
+  if (file) upload(file);
   // The same file can be chosen again.
   input.value = '';
 });
@@ -229,7 +229,7 @@ document.addEventListener('drop', (dropped) => {
   dropped.preventDefault();
   drop.classList.remove('over');
   const [file] = dropped.dataTransfer.files;
-  if (file) take(file);
+  if (file) upload(file);
   else fail(new Error('Drop a MIDI file, which ends in .mid.'));
 });
 
@@ -238,15 +238,15 @@ document.addEventListener('play', ({ target }) => {
   document.querySelectorAll('audio').forEach((other) => other !== target && other.pause());
 }, true);
 
-/** Shows how things are, and the song that the address names. */
+/** Shows the state, and the song in the address. */
 async function begin() {
   jobs.show([], () => null);
   compared.show(null, () => null);
-  await look();
+  await poll();
   try {
-    const wanted = decodeURIComponent(location.hash.slice(1));
+    const named = decodeURIComponent(location.hash.slice(1));
     const [first] = known.songs;
-    if (first) await choose(known.songs.some(({ song: name }) => name === wanted) ? wanted : first.song);
+    if (first) await choose(known.songs.some(({ song: name }) => name === named) ? named : first.song);
   } catch (error) {
     fail(error);
   }

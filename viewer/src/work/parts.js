@@ -1,8 +1,8 @@
-/** Parts of the page that several sections have. */
+/** Elements that several sections share. */
 
 import { element, sidewaysHint } from '../dom.js';
 
-/** A button; `key` names it, so that it keeps the focus when its section is made anew. */
+/** A button; it keeps the focus by its `key` when its section is rebuilt. */
 export function button(text, key, press, attributes = {}) {
   return element('button', { type: 'button', text, 'data-key': key, on: { click: press }, ...attributes });
 }
@@ -17,7 +17,7 @@ export function choice(options, attributes = {}) {
   return element('select', attributes, ...options.map(([value, text]) => element('option', { value, text })));
 }
 
-/** A table that scrolls by itself. Cells are texts or elements. */
+/** A table that scrolls in its own element. Cells are texts or elements. */
 export function table(caption, columns, rows) {
   const scrolling = element(
     'div', { class: 'scroll down', role: 'group', 'aria-label': caption, tabindex: '0' },
@@ -30,7 +30,7 @@ export function table(caption, columns, rows) {
   return element('div', {}, sidewaysHint(columns.length, scrolling), scrolling);
 }
 
-/** A section with a heading, whose content is made anew only when what it shows has changed. */
+/** A section with a heading, whose content is rebuilt only when its data has changed. */
 export class Section {
   constructor(title) {
     this.content = element('div', {});
@@ -38,7 +38,7 @@ export class Section {
     this.root = element('section', {}, this.heading, this.content);
   }
 
-  /** `make` gives the content that shows `data`; `null` hides the section. */
+  /** `make` builds the content for `data`; `null` hides the section. */
   show(data, make) {
     const text = JSON.stringify(data);
     if (text === this.shown) return;
@@ -61,14 +61,14 @@ export function scoreText(f1) {
   return typeof f1 === 'number' ? `F1 ${f1.toFixed(3)}` : '';
 }
 
-/** Seconds as a clock shows them, or hours and minutes. */
+/** A duration as `m:ss`, or hours and minutes. */
 export function timeText(secs) {
   const whole = Math.round(secs);
   const [hours, minutes, rest] = [Math.floor(whole / 3600), Math.floor(whole / 60) % 60, String(whole % 60).padStart(2, '0')];
   return hours > 0 ? `${hours} h ${String(minutes).padStart(2, '0')} min` : `${minutes}:${rest}`;
 }
 
-/** Who has played, in words; of a policy the file and its folder, which is that of its run. */
+/** The player; of a policy the file and the folder of its run. */
 export function playerText(player) {
-  return player === 'scripted' ? 'the scripted player' : `the policy ${player.split('/').slice(-2).join('/')}`;
+  return player === 'scripted' ? 'the scripted baseline' : `the policy ${player.split('/').slice(-2).join('/')}`;
 }

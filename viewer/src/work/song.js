@@ -1,7 +1,7 @@
-/** The chosen song: what will be hard, how it should sound, and what can be done with it. */
+/** The chosen song: its hard places, its reference sound, and its actions. */
 
 import { element } from '../dom.js';
-import * as ask from './ask.js';
+import * as api from './api.js';
 import { Section, button, choice, field, playerText, scoreText, table, timeText } from './parts.js';
 
 /** The modes of `etude perform`, and what they mean. */
@@ -10,17 +10,17 @@ const MODES = [
   ['hybrid', 'hybrid: it observes the simulation and the robot’s keys'],
   ['joint-mirroring', 'joint-mirroring: it observes the simulation'],
 ];
-/** Bars, and things that will be hard, that are shown at once; the others are behind a fold. */
-const FIRST = 6;
+/** Hard places that are shown; the others are folded. */
+const MAX_SHOWN = 6;
 
 export class SongSection {
   /**
-   * @param {(wanted: any) => Promise<void>} start starts a verb
-   * @param {(known: any) => Promise<void>} read lets `etude songs show` read the song
+   * @param {(request: any) => Promise<void>} start starts a verb
+   * @param {(known: any) => Promise<void>} analyse runs `etude songs show` on the song
    */
-  constructor(start, read) {
+  constructor(start, analyse) {
     this.start = start;
-    this.letRead = read;
+    this.analyse = analyse;
     this.about = new Section('');
     this.actions = new Section('Play, perform, train');
     this.root = element('div', { class: 'song' }, this.about.root, this.actions.root);
@@ -28,23 +28,23 @@ export class SongSection {
   }
 
   /**
-   * Shows what is known of a song, and gives it.
+   * Shows a song and gives its description.
    *
    * @param {string} song
-   * @param {boolean} reads whether `etude songs show` reads it if its files are not there
+   * @param {boolean} analyses whether `etude songs show` runs if its output is missing
    */
-  async choose(song, reads = true) {
+  async choose(song, analyses = true) {
     if (this.song !== song) this.root.hidden = true;
     this.song = song;
-    const known = await ask.about(song);
-    const text = known.is_there || !reads ? await ask.json(known.about) : null;
-    // Meanwhile another one may have been chosen.
+    const known = await api.about(song);
+    const text = known.is_ready || !analyses ? await api.json(known.about) : null;
+    // Another song may have been chosen meanwhile.
     if (this.song !== song) return known;
     this.root.hidden = false;
     this.about.heading.textContent = known.title;
     this.showAbout(known, text);
     this.showActions(known);
-    if (text === null && known.problem === null && reads) await this.letRead(known);
+    if (text === null && known.problem === null && analyses) await this.analyse(known);
     return known;
   }
 
@@ -61,8 +61,8 @@ export class SongSection {
       return [
         element('p', { text: `${facts.join('; ')}.` }),
         element(
-          'figure', { class: 'sound' }, element('figcaption', { text: 'How it should sound' }),
-          element('audio', { controls: true, preload: 'metadata', src: ask.address(known.reference), 'data-key': 'reference', 'aria-label': 'How it should sound' }),
+          'figure', { class: 'sound' }, element('figcaption', { text: 'As written' }),
+          element('audio', { controls: true, preload: 'metadata', src: api.address(known.reference), 'data-key': 'reference', 'aria-label': 'As written' }),
         ),
         ...this.hard(known.song, text),
         ...this.bars(text.bars),
@@ -70,12 +70,12 @@ export class SongSection {
     });
   }
 
-  /** Why the keyboard cannot play it, and the transpositions with which it can. */
+  /** Why the song is outside the keyboard, and the transpositions that are inside. */
   problem(known) {
     const offers = known.transpositions.map((semitones) => {
       const text = `${semitones > 0 ? '+' : '−'}${Math.abs(semitones)}`;
-      const wanted = { verb: 'arrange', song: known.song, transpose: semitones };
-      return button(text, `transpose${semitones}`, () => this.start(wanted), { 'aria-label': `Transpose by ${text} semitones` });
+      const request = { verb: 'arrange', song: known.song, transpose: semitones };
+      return button(text, `transpose${semitones}`, () => this.start(request), { 'aria-label': `Transpose by ${text} semitones` });
     });
     return [
       element('p', { class: 'problem', text: known.problem }),
@@ -83,25 +83,25 @@ export class SongSection {
     ];
   }
 
-  hard(song, { warnings, fingering, notes, at_sight: atSight, easier }) {
+  hard(song, { warnings, fingering, notes, zero_shot: zeroShot, easier }) {
     const items = [
       ...warnings,
       ...(fingering?.limits ?? []).map((limit) => `bar ${limit.bar}, beat ${Number(limit.beat.toFixed(2))} (${limit.secs.toFixed(2)} s): ${limit.note} ${limit.what}`),
     ];
     const list = (texts) => element('ul', {}, ...texts.map((text) => element('li', { text })));
     return [
-      element('h3', { text: 'What will be hard' }),
+      element('h3', { text: 'Hard places' }),
       fingering ? element('p', { text: `With three fingers: ${fingering.summary}.` }) : null,
-      atSight ? element('p', { text: `Predicted at sight: ${atSight.notes_right} of ${notes} notes, ${scoreText(atSight.f1)}.` }) : null,
+      zeroShot ? element('p', { text: `Predicted zero-shot: ${zeroShot.notes_right} of ${notes} notes, ${scoreText(zeroShot.f1)}.` }) : null,
       easier ? this.easier(song, easier) : null,
-      items.length === 0 ? element('p', { class: 'note', text: 'Nothing: the hand reaches every note in time.' }) : list(items.slice(0, FIRST)),
-      items.length > FIRST
-        ? element('details', {}, element('summary', { text: `${items.length - FIRST} more` }), list(items.slice(FIRST)))
+      items.length === 0 ? element('p', { class: 'note', text: 'None: the hand reaches every note in time.' }) : list(items.slice(0, MAX_SHOWN)),
+      items.length > MAX_SHOWN
+        ? element('details', {}, element('summary', { text: `${items.length - MAX_SHOWN} more` }), list(items.slice(MAX_SHOWN)))
         : null,
     ];
   }
 
-  /** An arrangement of which the hand leaves out less. */
+  /** An arrangement with fewer omitted notes. */
   easier(song, { stretch, melody, notes, left_out: leftOut }) {
     const how = [stretch === 1 ? null : `${stretch} times as long`, melody ? 'the upper voice alone' : null].filter(Boolean).join(', ');
     return element(
@@ -111,34 +111,34 @@ export class SongSection {
   }
 
   bars(bars) {
-    // A line breaks between chords, and not between a note and its beats.
+    // Lines break between chords, not between a note and its beats.
     const written = (chords) => element('span', { class: 'wide' }, ...chords.flatMap((text) => [element('span', { text }), '   ']).slice(0, -1));
     const rows = bars.map(({ bar, secs, chords }) => [String(bar), `${secs.toFixed(1)} s`, written(chords)]);
     return [
       element(
-        'details', {}, element('summary', { text: `Its ${bars.length} bars: notes, and the beats that they last` }),
-        table('Notes by bar', ['bar', 'at', 'notes and beats, together with +'], rows),
+        'details', {}, element('summary', { text: `${bars.length} bars: notes and their length in beats` }),
+        table('Notes by bar', ['bar', 'at', 'notes and beats; + joins a chord'], rows),
       ),
     ];
   }
 
   showActions(known) {
-    const { song, problem, policy, policy_f1: f1, at_sight: atSight } = known;
-    this.actions.show([song, problem, policy, f1, atSight], () => {
+    const { song, problem, policy, policy_f1: f1, zero_shot: zeroShot } = known;
+    this.actions.show([song, problem, policy, f1, zeroShot], () => {
       if (problem !== null) return null;
       const players = policy === null
-        ? [['scripted', 'the scripted player']]
-        : [['best', `${playerText(policy)}${typeof f1 === 'number' ? `, ${scoreText(f1)} ${atSight ? 'on other melodies' : 'in training'}` : ''}`], ['scripted', 'the scripted player']];
+        ? [['scripted', 'the scripted baseline']]
+        : [['best', `${playerText(policy)}${typeof f1 === 'number' ? `, ${scoreText(f1)} ${zeroShot ? 'on other melodies' : 'in training'}` : ''}`], ['scripted', 'the scripted baseline']];
       const player = choice(players, { 'data-key': 'player' });
       const mode = choice(MODES, { 'data-key': 'mode' });
       const minutes = element('input', { type: 'number', min: '0.1', step: 'any', placeholder: 'no limit', 'data-key': 'minutes' });
       const set = element('input', { type: 'text', placeholder: 'trainer.total_steps=60000', autocomplete: 'off', spellcheck: 'false', 'data-key': 'set' });
       return [
         policy === null
-          ? element('p', { text: 'There is no policy that can play this song. The scripted player plays it: by inverse kinematics and timing, without learning.' })
+          ? element('p', { text: 'No policy can play this song. The scripted baseline plays it: by inverse kinematics and timing, without learning.' })
           : null,
-        atSight
-          ? element('p', { text: 'No policy has learned this song yet. The sight-reader plays it at sight: a policy that has learned other melodies.' })
+        zeroShot
+          ? element('p', { text: 'No policy has learned this song yet. The sight-reader plays it zero-shot: a policy that has learned other melodies.' })
           : null,
         element('div', { class: 'row' }, field('Player', player), button('Play it', 'play', () => this.start({ verb: 'play', song, player: player.value }))),
         element(

@@ -2,10 +2,10 @@
 
 use etude_lab::bench::{BenchReport, measure};
 
-use super::line;
-use crate::Ending;
+use crate::args;
+use crate::output::{Ending, line, print_json};
 
-/// What to measure and for how long.
+/// Duration and output of the measurement.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Prints a table that is Markdown too. `benches/run.py` in the repository, or `make bench`, measures JAX, PyTorch, \
@@ -15,9 +15,10 @@ Example:
   etude bench --secs 10")]
 pub struct Args {
     /// Seconds for each measurement
-    #[arg(long, default_value_t = 5.0, value_name = "SECS", value_parser = super::positive, allow_hyphen_values = true)]
+    #[arg(long, default_value_t = 5.0, value_name = "SECS", value_parser = args::positive, allow_hyphen_values = true)]
     secs: f64,
-    /// Print JSON: env_steps_per_sec, updates_per_sec, train_steps_per_sec, start_up_secs, peak_memory_mib, rows, …
+    /// Print JSON: env_steps_per_sec, updates_per_sec, train_steps_per_sec, start_up_secs,
+    /// peak_memory_mib, rows, …
     #[arg(long)]
     json: bool,
 }
@@ -26,7 +27,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let report = measure(&std::env::current_exe()?, args.secs)?;
     if args.json {
-        super::json(&report.json())?
+        print_json(&report.json())?
     } else {
         print_table(&report)?
     }
@@ -47,7 +48,7 @@ fn print_table(report: &BenchReport) -> anyhow::Result<()> {
     ))
 }
 
-/// A number with three figures or a few more.
+/// A number with at least three digits.
 fn short(value: f64) -> String {
     let digits = usize::from(value < 100.0) + usize::from(value < 10.0);
     format!("{value:.digits$}")

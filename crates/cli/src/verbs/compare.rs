@@ -6,17 +6,17 @@ use anyhow::bail;
 use etude_music::pitch_name;
 use etude_show::compare::{Comparison, Stroke, title};
 use etude_show::replay::{PlayedNote, Take, read_take, recordings, replay_page};
-use serde_json::json as object;
+use serde_json::json;
 
-use super::play::heard;
-use super::{file_to_write, json, line, note};
-use crate::Ending;
+use super::play::note_summary;
+use crate::files::output_file;
+use crate::output::{Ending, line, note, print_json};
 
 /// The two performances, and the page.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Onset, length: played minus due, in ms; late and long are positive. A note marked ! is more than 50 ms early or \
-late: it counts as missed, and its stroke as wrong. Velocity: MIDI, 1 to 127.
+late: it counts as missed and its stroke as wrong. Velocity: MIDI, 1 to 127.
 
 Examples:
   etude compare out/twinkle out/twinkle-real
@@ -31,7 +31,8 @@ pub struct Args {
     /// Also write a replay page that shows and plays both
     #[arg(short = 'o', long = "out", value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Print JSON: a and b (name, player, scores), notes (due_secs, name, played: onset_error_secs, …), strays, page
+    /// Print JSON: a and b (name, player, scores), notes (due_secs, name, played: onset_error_secs,
+    /// …), strays, page
     #[arg(long)]
     json: bool,
 }
@@ -40,14 +41,14 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let takes = [take(&args.one)?, take(&args.other)?];
     let comparison = Comparison::new(&takes[0], &takes[1])?;
-    let page = args.out.map(|page| file_to_write(page, "html", "the name must end in .html")).transpose()?;
+    let page = args.out.map(|page| output_file(page, "html", "the name must end in .html")).transpose()?;
     if let Some(page) = &page {
         replay_page(&takes, page)?;
     }
     if args.json {
         let [a, b] = takes.each_ref().map(summary);
         let Comparison { notes, strays } = &comparison;
-        json(&object!({ "a": a, "b": b, "notes": notes, "strays": strays, "page": page }))?;
+        print_json(&json!({ "a": a, "b": b, "notes": notes, "strays": strays, "page": page }))?;
     } else {
         print(&takes, &comparison)?;
         if let Some(page) = &page {
@@ -67,7 +68,7 @@ fn take(path: &Path) -> anyhow::Result<Take> {
 }
 
 fn summary(take: &Take) -> serde_json::Value {
-    object!({ "name": take.name, "song": take.song, "player": take.player, "rig": take.rig, "mode": take.mode,
+    json!({ "name": take.name, "song": take.song, "player": take.player, "rig": take.rig, "mode": take.mode,
               "notes": take.note_scores, "frames": take.last })
 }
 
@@ -78,7 +79,7 @@ fn print(takes: &[Take; 2], comparison: &Comparison) -> anyhow::Result<()> {
         let what: Vec<&str> = what.into_iter().filter(|text| !text.is_empty()).collect();
         line(format!("{letter}  {} ({})", take.name, what.join(" · ")))?;
         let f1 = take.last.map_or_else(String::new, |frame| format!("; F1 {:.3}", frame.f1));
-        line(format!("   {}{f1}", take.note_scores.as_ref().map_or_else(String::new, heard)))?;
+        line(format!("   {}{f1}", take.note_scores.as_ref().map_or_else(String::new, note_summary)))?;
     }
     line("")?;
     line(format!("{:>18}{:^28}{:^28}", "", "A", "B"))?;
@@ -90,7 +91,7 @@ fn print(takes: &[Take; 2], comparison: &Comparison) -> anyhow::Result<()> {
     }
     for (letter, strays) in ["A", "B"].into_iter().zip(&comparison.strays) {
         if !strays.is_empty() {
-            let strokes: Vec<String> = strays.iter().map(said).collect();
+            let strokes: Vec<String> = strays.iter().map(stray_text).collect();
             line(format!("Wrong strokes of {letter}: {}", strokes.join(", ")))?;
         }
     }
@@ -109,6 +110,6 @@ fn cells(stroke: Option<Stroke>) -> String {
     format!("{:>8} {:>7} {:>9} ", format!("{onset:+.0}{mark}"), format!("{length:+.0}"), stroke.velocity)
 }
 
-fn said(note: &PlayedNote) -> String {
+fn stray_text(note: &PlayedNote) -> String {
     format!("{} at {:.2} s for {:.0} ms", pitch_name(note.pitch), note.start, (note.end - note.start) * 1e3)
 }

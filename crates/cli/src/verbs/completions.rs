@@ -1,9 +1,9 @@
-//! `etude completions`: what a shell needs to complete the command line.
+//! `etude completions`: completions of the command line for a shell.
 
 use clap::{Arg, Command, ValueHint, value_parser};
 use clap_complete::Shell;
 
-use crate::Ending;
+use crate::output::{Ending, line};
 
 /// For which shell.
 #[derive(clap::Args)]
@@ -22,12 +22,13 @@ pub fn run(args: Args, command: Command) -> anyhow::Result<Ending> {
     let mut command = prepared(command, args.shell);
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut command, "etude", &mut text);
-    super::line(String::from_utf8(text)?.trim_end())?;
+    line(String::from_utf8(text)?.trim_end())?;
     Ok(Ending::Done)
 }
 
-/// `command` as the generator of `shell` needs it, where a value is a name or a file. Bash offers the names, and files by itself where
-/// no name fits. The others would offer the names alone: they get the files.
+/// `command` with the completions of values that are a name or a file. Bash completes the names,
+/// and files where no name fits; the other shells would complete the names alone, so they get the
+/// files.
 fn prepared(command: Command, shell: Shell) -> Command {
     let either =
         |arg: &Arg| arg.get_value_hint() == ValueHint::FilePath && !arg.get_possible_values().is_empty();

@@ -1,9 +1,8 @@
-//! `etude doctor`: what this machine has, and what cannot be done without each missing item.
+//! `etude doctor`: what this machine has, and what each missing item prevents.
 
 use etude_lab::examine;
 
-use super::{json, line};
-use crate::Ending;
+use crate::output::{Ending, line, print_json};
 
 /// How to print.
 #[derive(clap::Args)]
@@ -18,7 +17,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let findings = examine();
     if args.json {
-        json(&findings)?;
+        print_json(&findings)?;
         return Ok(Ending::Done);
     }
     for finding in &findings {

@@ -6,20 +6,22 @@ use std::sync::atomic::Ordering;
 use clap::ValueHint;
 use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
 
-use super::{PianistArgs, json, line, note, replaces_its_own};
-use crate::Ending;
+use crate::args::{self, PianistArgs};
+use crate::files::check_replaceable;
+use crate::output::{Ending, line, note, print_json};
 use crate::progress::{bar, stop_flag};
 use crate::status::while_planning;
 
-/// Numbers whose influence is printed; the JSON has all.
-const SHOWN: usize = 8;
+/// Number of parameters that are printed; the JSON has all.
+const MAX_SHOWN: usize = 8;
 
-/// What to play, with what, and in which worlds.
+/// Song, player and worlds.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The worlds are a fixed, evenly spread set over what the policy's own configuration randomises (the paper's seven \
-quantities, or task.randomisation.widths), the same for the same --worlds, --intensity and --seed. The CSV has one line a \
-world: world, player, f1, precision, recall, pooled_f1, notes_right, notes_wrong, onset_f1, collision_free, then every number that varies.
+The worlds are evenly spread over the parameters that the policy's configuration randomises (the paper's \
+seven quantities, or task.randomisation.widths). They depend on --worlds, --intensity and --seed alone. \
+The CSV has one line a world: world, player, f1, precision, recall, pooled_f1, notes_right, notes_wrong, \
+onset_f1, collision_free, then every parameter that varies.
 
 Examples:
   etude evaluate twinkle
@@ -27,24 +29,26 @@ Examples:
   etude evaluate twinkle --set task.randomisation.widths.joint.fingers.damping=0.02 --intensity 1")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
-    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     #[command(flatten)]
     pianist: PianistArgs,
     /// Number of worlds beside the nominal one
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     worlds: u32,
-    /// How far the worlds are from the nominal one: the paper's C_dr, 0 to 1
+    /// Randomisation intensity, the paper's C_dr, 0 to 1
     #[arg(long, default_value_t = 0.5, value_name = "C")]
     intensity: f64,
-    /// Another seed, another set of worlds
+    /// Seed of the set of worlds
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Where the table goes; if not given out/SONG/worlds.csv, with the player if it is not the best policy for the song
+    /// The table; by default out/SONG/worlds.csv, or out/SONG-PLAYER/worlds.csv if a player is
+    /// chosen
     #[arg(short = 'o', long = "out", value_name = "FILE.csv")]
     out: Option<PathBuf>,
-    /// Print JSON: notes_due; notes_right, notes_wrong and f1, each of the nominal world, mean, worst_decile and worst; nominal_late_secs,
-    /// mean_late_secs, marginals (path, range, f1 by thirds), scores, csv
+    /// Print JSON: notes_due; notes_right, notes_wrong and f1, each of the nominal world, mean,
+    /// worst_decile and worst; nominal_late_secs, mean_late_secs, marginals (path, range, f1 by
+    /// thirds), scores, csv
     #[arg(long)]
     json: bool,
 }
@@ -57,7 +61,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let out = args
         .out
         .unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)).join("worlds.csv"));
-    replaces_its_own(&out, "world,player,")?;
+    check_replaceable(&out, "world,player,")?;
     if GridReport::is_of_another(&out, &pianist.name()) {
         anyhow::bail!("{} is the table of another player: choose another file with -o", out.display());
     }
@@ -76,7 +80,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     };
     report.write_csv(&out)?;
     if args.json {
-        json(&report)?
+        print_json(&report)?
     } else {
         print(&report)?
     }
@@ -113,9 +117,9 @@ fn print(report: &GridReport) -> anyhow::Result<()> {
         |f1: [f64; 3]| f1.iter().copied().fold(0.0, f64::max) - f1.iter().copied().fold(1.0, f64::min);
     marginals.sort_by(|a, b| swing(b.f1).total_cmp(&swing(a.f1)));
     if !marginals.is_empty() {
-        line(format!("\n{:34} {:>21} {:>24}", "what matters most", "range", "F1 low  middle  high"))?;
+        line(format!("\n{:34} {:>21} {:>24}", "most influential", "range", "F1 low  middle  high"))?;
     }
-    for marginal in marginals.into_iter().take(SHOWN) {
+    for marginal in marginals.into_iter().take(MAX_SHOWN) {
         let [low, middle, high] = marginal.f1;
         let range = format!("{:.4} … {:.4}", marginal.range[0], marginal.range[1]);
         line(format!("{:34} {range:>21} {low:>10.3} {middle:>6.3} {high:>6.3}", marginal.path))?;

@@ -9,10 +9,10 @@ use etude_experiment::{
     submit, write_plan,
 };
 use etude_perform::{Job, shell_line};
-use serde_json::json as object;
+use serde_json::json;
 
-use super::{json, line, note};
-use crate::Ending;
+use crate::args;
+use crate::output::{Ending, line, note, print_json};
 use crate::progress::{clock, patient_stop_flag, stop_flag, stop_when_unattended};
 use crate::status::Status;
 
@@ -58,7 +58,7 @@ enum What {
 #[derive(clap::Args)]
 struct PlanArgs {
     /// Names of experiments, or TOML files
-    #[arg(required = true, value_name = "NAME|FILE", value_parser = super::NameOrPath(etude_experiment::names), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    #[arg(required = true, value_name = "NAME|FILE", value_parser = args::NameOrPath(etude_experiment::names), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     names: Vec<String>,
     /// This many seeds instead of the file's
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
@@ -125,7 +125,8 @@ struct RunArgs {
     /// Slurm: time limit of a trial; a trial that needs longer saves its state and is requeued
     #[arg(long, default_value = "04:00:00", value_name = "TIME")]
     time: String,
-    /// Slurm: an option of sbatch, as your site asks for it, for example --sbatch=--partition=short; may be repeated
+    /// Slurm: an option of sbatch, as your site asks for it, for example
+    /// --sbatch=--partition=short; may be repeated
     #[arg(long = "sbatch", value_name = "OPTION", allow_hyphen_values = true)]
     sbatch: Vec<String>,
     /// Slurm: print the script and submit nothing
@@ -152,7 +153,8 @@ struct ReportArgs {
     /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
     runs: PathBuf,
-    /// Folder of the page. Results of an earlier report in it are used too, so the page can be made again without the runs
+    /// Folder of the page. Results of an earlier report in it are used too, so the page can be made
+    /// again without the runs
     #[arg(short = 'o', long = "out", default_value = "out/experiments", value_name = "DIR")]
     out: PathBuf,
 }
@@ -197,14 +199,14 @@ fn list(as_json: bool) -> anyhow::Result<Ending> {
         let experiment = Experiment::load(name)?;
         let trials = experiment.plan(&PlanConfig::default())?.len();
         rows.push(
-            object!({ "name": name, "trials": trials, "title": experiment.title, "source": experiment.source }),
+            json!({ "name": name, "trials": trials, "title": experiment.title, "source": experiment.source }),
         );
         if !as_json {
             line(format!("{name:<16}{trials:>5} trials  {}", experiment.title))?;
         }
     }
     if as_json {
-        json(&rows)?;
+        print_json(&rows)?;
     }
     Ok(Ending::Done)
 }
@@ -314,8 +316,8 @@ fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
             let rows = trials
                 .iter()
                 .zip(&states)
-                .map(|(trial, state)| object!({ "id": trial.id, "labels": trial.labels, "state": state }));
-            all.push(object!({ "experiment": experiment.name, "trials": rows.collect::<Vec<_>>() }));
+                .map(|(trial, state)| json!({ "id": trial.id, "labels": trial.labels, "state": state }));
+            all.push(json!({ "experiment": experiment.name, "trials": rows.collect::<Vec<_>>() }));
             continue;
         }
         line(format!(
@@ -337,7 +339,7 @@ fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
         }
     }
     if args.json {
-        json(&all)?;
+        print_json(&all)?;
     }
     Ok(Ending::Done)
 }

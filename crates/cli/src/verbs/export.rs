@@ -6,10 +6,11 @@ use clap::ValueHint;
 use etude_lab::find_song;
 use etude_show::export::export_onnx;
 
-use super::{PianistArgs, file_to_write, json, line, replaces_its_own, slug};
-use crate::Ending;
+use crate::args::{self, PianistArgs, slug};
+use crate::files::{check_replaceable, output_file};
+use crate::output::{Ending, line, print_json};
 
-/// What to export.
+/// Output format.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -23,15 +24,16 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum What {
-    /// The actor as an ONNX model (opset 20): `observation` [batch, o] to `action` [batch, 13], without exploration
+    /// The actor as an ONNX model (opset 20): `observation` [batch, o] to `action` [batch, 13],
+    /// without exploration
     ///
-    /// The entry `etude` of the model's metadata says in JSON what each column of the observation and of the action means,
-    /// with the joints' ranges for this song.
+    /// The entry `etude` of the model's metadata describes in JSON each column of the observation
+    /// and of the action, with the joints' ranges for this song.
     Onnx {
-        /// A built-in song or a MIDI file: the description has what is due and the plan of its fingering
-        #[arg(value_name = "SONG", value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+        /// A built-in song or a MIDI file: the metadata has its notes due and its fingering
+        #[arg(value_name = "SONG", value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
-        /// The file; SONG.onnx if not given
+        /// The file; by default SONG.onnx
         #[arg(short = 'o', long = "out", value_name = "FILE.onnx")]
         out: Option<PathBuf>,
         #[command(flatten)]
@@ -48,11 +50,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&asked)?;
     let pianist = pianist.load(&asked, &song, false)?;
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
-    let out = file_to_write(out, "onnx", "the name must end in .onnx")?;
-    replaces_its_own(&out, "etude")?;
+    let out = output_file(out, "onnx", "the name must end in .onnx")?;
+    check_replaceable(&out, "etude")?;
     export_onnx(&pianist, &song, &out)?;
     if as_json {
-        json(&serde_json::json!({ "model": out.display().to_string(), "policy": pianist.name() }))?;
+        print_json(&serde_json::json!({ "model": out.display().to_string(), "policy": pianist.name() }))?;
     } else {
         line(format!("model: {} (of {})", out.display(), pianist.name()))?;
     }

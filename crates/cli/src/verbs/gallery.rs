@@ -9,15 +9,14 @@ use etude_perform::Job;
 use etude_show::gallery::gallery;
 use etude_show::replay::recordings;
 
-use super::{json, line, note};
-use crate::Ending;
+use crate::output::{Ending, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::Status;
 
 /// Folder of the recordings that the gallery makes itself.
 const RECORDINGS: &str = "recordings";
 
-/// The recordings that are shown, and the folder of the pages.
+/// Recordings and the folder of the pages.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Without recordings, each built-in song is played in simulation by its best policy.
@@ -29,10 +28,11 @@ pub struct Args {
     /// Recordings (*.mcap), or folders that hold some, at any depth
     #[arg(value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Where the pages go
+    /// Folder of the pages
     #[arg(short = 'o', long = "out", default_value = "out/gallery", value_name = "DIR")]
     out: PathBuf,
-    /// Print JSON: index, exhibits (recording, song, player, rig, mode, f1, notes, secs, replay, picture, roll, sound, incomplete), left_out, without_pictures
+    /// Print JSON: index, exhibits (recording, song, player, rig, mode, f1, notes, secs, replay,
+    /// picture, roll, sound, incomplete), left_out, without_pictures
     #[arg(long)]
     json: bool,
 }
@@ -45,14 +45,14 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     for path in &args.runs {
         paths.extend(recordings(path)?);
     }
-    // The gallery's own recordings are left out, and each path is shown once.
+    // The gallery's own recordings are left out.
     let own = args.out.join(RECORDINGS);
     let mut seen = BTreeSet::new();
     paths.retain(|path| !path.starts_with(&own) && seen.insert(path.clone()));
     if args.runs.is_empty() {
         let ids: Vec<_> = repertoire::ids().collect();
         for (number, id) in ids.iter().enumerate() {
-            told(&mut status, "playing", id, [number, ids.len()]);
+            show(&mut status, "playing", id, [number, ids.len()]);
             let folder = own.join(id);
             let song = find_song(id)?;
             let pianist = pianist_for(id, id, &song)?.pianist;
@@ -65,12 +65,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
     }
     let mut tell = |number: &usize| {
-        told(&mut status, "showing", &paths[*number].display().to_string(), [*number, paths.len()]);
+        show(&mut status, "showing", &paths[*number].display().to_string(), [*number, paths.len()]);
     };
     let gallery = gallery(&paths, &args.out, &mut Job::new(&mut tell, &stop))?;
     drop(status);
     if args.json {
-        json(&gallery)?;
+        print_json(&gallery)?;
         return Ok(Ending::Done);
     }
     for exhibit in &gallery.exhibits {
@@ -92,7 +92,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// Says which of all is next, and how long the phase still takes.
-fn told(status: &mut Status, phase: &str, what: &str, [number, all]: [usize; 2]) {
+/// Shows the next item and the time left.
+fn show(status: &mut Status, phase: &str, what: &str, [number, all]: [usize; 2]) {
     status.part(phase, &format!(" {what} ({} of {all})", number + 1), number as f64 / all as f64);
 }

@@ -7,19 +7,18 @@ use etude_lab::{Identification, IdentifyMethod, identify_robot};
 use etude_perform::Job;
 use etude_task::{TaskConfig, shortest_silences};
 
-use super::line;
 use super::model::restrike;
-use crate::Ending;
+use crate::output::{Ending, line, print_json};
 use crate::progress::{clock, stop_flag};
 use crate::status::Status;
 
-/// Arguments of the verb.
+/// Recordings, method and output.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Fits joint by joint and, near the noise, finger by finger to recordings that touch no key; then the keyboard to those that \
-do, with what the excitation `keys` measures. \
-Recordings of the excitation `held-out` are not fitted: they test the fit. The folder receives identified.toml (a layer for \
-`etude train --config`), report.md with its figures, and a state from which the same command resumes after Ctrl-C or a kill.
+First fits each joint and each finger to the recordings without key contact, then the keyboard to those \
+with contact and to the excitation `keys`. Recordings of the excitation `held-out` test the fit. The \
+folder receives identified.toml (a layer for `etude train --config`), report.md with its figures, and a \
+state from which the same command resumes.
 
 Examples:
   etude record --robot twin --excitation open-close -o open-close.mcap
@@ -45,13 +44,14 @@ pub struct Args {
     /// Seed of every random draw
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Start from the values of this file, such as an earlier identified.toml
+    /// Start from the values of this file, such as another identified.toml
     #[arg(long, value_name = "FILE")]
     from: Option<PathBuf>,
     /// Folder of the results
     #[arg(short = 'o', long = "out", default_value = "out/identified", value_name = "DIR")]
     out: PathBuf,
-    /// Print nothing but one JSON object at the end: rig, method, fit_errors, held_out_errors, identified, file, …
+    /// Print nothing but one JSON object at the end: rig, method, fit_errors, held_out_errors,
+    /// identified, file, …
     #[arg(long)]
     json: bool,
 }
@@ -76,7 +76,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let report = identify_robot(&what, &args.out, &mut Job::new(&mut tell, &stop))?;
     drop(status);
     if args.json {
-        super::json(&report)?;
+        print_json(&report)?;
         return Ok(Ending::Done);
     }
     for pass in &report.identified.passes {
@@ -91,7 +91,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     for (what, errors) in [("fitted", &report.fit_errors), ("held out", &report.held_out_errors)] {
         let [before, after] = errors.fingers.map(|rad| rad * 1e3);
-        // Without fingers that move there is nothing to say of them.
         if before > 0.0 {
             line(format!(
                 "{what:<18} fingers {before:.2} → {after:.2} mrad ({:.1} times less; noise {:.2})",
@@ -114,12 +113,13 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 }
 
 fn show(status: &mut Status, at: &Progress) {
-    let [phase, state] = fit(at);
+    let [phase, state] = fit_progress(at);
     status.now(&phase, &state);
 }
 
-/// The pass of a fit, and how far it is. It ends when all is settled, so the time left is an upper bound.
-pub(super) fn fit(at: &Progress) -> [String; 2] {
+/// The pass of a fit and its progress. It ends when all is settled, so the time left is an upper
+/// bound.
+pub(super) fn fit_progress(at: &Progress) -> [String; 2] {
     let [ended, all] = at.ended;
     let left = at
         .max_secs_left()

@@ -4,19 +4,18 @@ use std::path::PathBuf;
 
 use clap::{Command, ValueHint};
 
-use super::line;
-use crate::Ending;
+use crate::output::{Ending, line};
 
-/// Where they go.
+/// Output folder.
 #[derive(clap::Args)]
 #[command(after_help = "\
-One page a command, made from what --help prints.
+One page a command, with the text of --help.
 
 Example:
   etude man -o ~/.local/share/man/man1
   man etude-play")]
 pub struct Args {
-    /// The folder of the pages; its name is man1 where `man` looks for them
+    /// The folder of the pages; `man` finds pages in folders called man1
     #[arg(short = 'o', long = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! `etude model`: the simulated world as MJCF, its physical parameters, and how late its hand is.
+//! `etude model`: the simulated world as MJCF, its physical parameters, and the lag of its hand.
 
 use std::path::PathBuf;
 
@@ -7,10 +7,11 @@ use etude_stage::{PhysicalParams, mjcf};
 use etude_task::{Lags, TaskConfig, shortest_silences};
 use serde_json::json;
 
-use super::{ConfigArgs, line};
-use crate::Ending;
+use crate::args::ConfigArgs;
+use crate::files::check_replaceable;
+use crate::output::{Ending, line, print_json};
 
-/// What to show of the model.
+/// What to print.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -33,7 +34,7 @@ enum What {
         #[command(flatten)]
         config: ConfigArgs,
     },
-    /// List the physical parameters: path, value, range, unit, what it is
+    /// List the physical parameters: path, value, range, unit, description
     Params {
         #[command(flatten)]
         config: ConfigArgs,
@@ -41,11 +42,13 @@ enum What {
         #[arg(long)]
         json: bool,
     },
-    /// Measure how late the hand is behind its targets, and how long a key is silent at least between two strikes
+    /// Measure the lag of the hand behind its targets, and the shortest silence of a key between
+    /// two strikes
     Lags {
         #[command(flatten)]
         config: ConfigArgs,
-        /// Print JSON: sound_secs, silence_secs, shortest_silence_secs (white and black key), follow_secs
+        /// Print JSON: sound_secs, silence_secs, shortest_silence_secs (white and black key),
+        /// follow_secs
         #[arg(long)]
         json: bool,
     },
@@ -59,7 +62,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let text = mjcf(&task.stage, &task.params()?);
             match out {
                 Some(path) => {
-                    super::replaces_its_own(&path, "<mujoco model=\"etude\">")?;
+                    check_replaceable(&path, "<mujoco model=\"etude\">")?;
                     etude_perform::write_file(&path, &text)?;
                     line(format!("The world is in {}; stock MuJoCo loads it", path.display()))?;
                 }
@@ -78,7 +81,7 @@ fn lags(task: &TaskConfig, as_json: bool) -> anyhow::Result<()> {
     let silences = shortest_silences(&task.stage, &params)?;
     if as_json {
         let Lags { sound_secs, silence_secs, follow_secs } = lags;
-        return super::json(&json!({
+        return print_json(&json!({
             "sound_secs": sound_secs, "silence_secs": silence_secs, "shortest_silence_secs": silences, "follow_secs": follow_secs,
         }));
     }
@@ -96,7 +99,7 @@ fn lags(task: &TaskConfig, as_json: bool) -> anyhow::Result<()> {
     line(restrike(silences, &task.plan))
 }
 
-/// Whether a plan leaves the hand the silence that it needs to strike a key again.
+/// Whether the key schedule leaves the silence that the hand needs to strike a key again.
 pub(super) fn restrike(silences: [Option<f64>; 2], plan: &KeyScheduleConfig) -> String {
     let [Some(white), Some(black)] = silences else {
         return "In this world the hand cannot strike every key again within a second".into();
@@ -104,13 +107,12 @@ pub(super) fn restrike(silences: [Option<f64>; 2], plan: &KeyScheduleConfig) -> 
     let secs = |frames: usize| frames as f64 / CONTROL_HZ;
     let planned = plan.rest_frames();
     let needed = ceil_frame(white.max(black) * CONTROL_HZ);
-    let says =
-        format!("The plan keeps a key silent for {:.0} ms before it is struck again", 1e3 * secs(planned));
+    let silence = format!("A key is silent for {:.0} ms before it is struck again", 1e3 * secs(planned));
     if needed <= planned {
-        return format!("{says}: long enough");
+        return format!("{silence}: long enough");
     }
     format!(
-        "{says}: too short. Take --set task.plan.rule=articulated --set task.plan.restrike_secs={:.2}",
+        "{silence}: too short. Use --set task.plan.rule=articulated --set task.plan.restrike_secs={:.2}",
         secs(needed)
     )
 }
@@ -129,5 +131,5 @@ fn params(values: &PhysicalParams, as_json: bool) -> anyhow::Result<()> {
             line(format!("{path:34} {value:>9} {range:>16} {:18} {}", row.unit, row.doc))?;
         }
     }
-    if as_json { super::json(&rows) } else { Ok(()) }
+    if as_json { print_json(&rows) } else { Ok(()) }
 }

@@ -12,9 +12,10 @@ use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
 use etude_twin::OrderedFault;
 
-use super::play::heard;
-use super::{PianistArgs, json, kept, line, note};
-use crate::Ending;
+use super::play::kept;
+use super::play::note_summary;
+use crate::args::{self, PianistArgs};
+use crate::output::{Ending, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::while_planning;
 
@@ -45,19 +46,22 @@ Examples:
   etude perform twinkle --robot lab.toml --correction out/rehearse-twinkle/adaptation/correction.json")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
-    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
-    /// joint-mirroring, hybrid or real; `real` if not given, or with --correction the mode in which it was learned
+    /// joint-mirroring, hybrid or real; `real` if not given, or with --correction the mode in which
+    /// it was learned
     #[arg(long)]
     mode: Option<Mode>,
-    /// What `etude rehearse --adapt` has learned for this song on this robot (correction.json): its policy plays
+    /// What `etude rehearse --adapt` has learned for this song on this robot (correction.json): its
+    /// policy plays
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with_all = ["policy", "scripted", "overrides"])]
     correction: Option<PathBuf>,
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
-    #[arg(long, default_value = DEFAULT_TRUTH, value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
+    /// `random:SEED`, or a file
+    #[arg(long, default_value = DEFAULT_TRUTH, value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Inject a fault into the twin, as in `etude twin`; starting and homing take some ten seconds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
@@ -73,14 +77,15 @@ pub struct Args {
     seed: u64,
     #[command(flatten)]
     pianist: PianistArgs,
-    /// Where the files go; if not given out/SONG-MODE, with the player if it is not the best policy for the song, and the robot if it is not the default
-    /// twin
+    /// Where the files go; if not given out/SONG-MODE, with the player if it is not the best policy
+    /// for the song, and the robot if it is not the default twin
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
     #[arg(long, value_name = "FILE")]
     soundfont: Option<PathBuf>,
-    /// Print JSON: notes_right, notes_due, notes_wrong, onset_f1, onset_f1_without_lag, lag_secs, sim_f1, robot_f1, robot_f1_std, gap, runs, …
+    /// Print JSON: notes_right, notes_due, notes_wrong, onset_f1, onset_f1_without_lag, lag_secs,
+    /// sim_f1, robot_f1, robot_f1_std, gap, runs, …
     #[arg(long)]
     json: bool,
 }
@@ -133,7 +138,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let report = while_planning(args.json, perform)?;
     kept(report.kept.as_ref(), &folder);
     if args.json {
-        json(&report)?;
+        print_json(&report)?;
     } else {
         print(&report)?;
     }
@@ -154,8 +159,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
 }
 
-/// Name of the folder of a performance, if none is given: song and mode, and what differs from the default player and robot. So no
-/// performance replaces one on another robot.
+/// Name of the folder of a performance, if none is given: song and mode, and what differs from the
+/// default player and robot. So no performance replaces one on another robot.
 fn folder_name(args: &Args, mode: Mode, rig: &RigChoice) -> String {
     let robot = match rig {
         RigChoice::File { .. } => rig.name().to_string(),
@@ -230,7 +235,7 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         )?;
     }
     for (index, run) in report.runs.iter().enumerate() {
-        line(format!("run {}: {}", index + 1, heard(&run.scores.note)))?;
+        line(format!("run {}: {}", index + 1, note_summary(&run.scores.note)))?;
     }
     if let Some(lag) = report.lag_secs {
         let MeanNotes { onset_f1, onset_f1_without_lag: aligned, .. } = report.notes;

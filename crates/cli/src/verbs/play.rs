@@ -4,42 +4,44 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use clap::ValueHint;
-use etude_lab::{PlayReport, PlayStep, find_song, play};
+use etude_lab::{Kept, PlayReport, PlayStep, find_song, play};
 use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
 use etude_perform::{Job, NoteCounts, Scores};
 
-use super::{PianistArgs, json, kept, line};
-use crate::Ending;
+use crate::args::{self, PianistArgs};
+use crate::output::{Ending, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::LongWork;
 
-/// What to play, with what, and where to keep it.
+/// Song, player and output of a performance.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Without --policy the best policy is taken that comes with Étude or lies in a run of this song under runs/; \
-one that has learned less than the sight-reader is predicted to play is passed over.
+The default policy is the best one of this song that is shipped or in a run under runs/, unless the \
+sight-reader is predicted to play better.
 
-Files: performance.mid and performance.wav (what was played), reference.wav (what should have been played), frames.csv \
-(step,due,pressed: MIDI numbers of the keys due and pressed at each control step, so that anyone can compute the scores \
-again), recording.mcap, report.json.
+Files: performance.mid and performance.wav (as played), reference.wav (as written), frames.csv \
+(step,due,pressed: MIDI numbers of the keys due and pressed at each control step), recording.mcap, \
+report.json.
 
 Examples:
   etude play twinkle
   etude play my-song.mid --policy runs/my-song__fast__0 -o out/mine")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
-    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     #[command(flatten)]
     pianist: PianistArgs,
-    /// Where the files go; if not given out/SONG, with the player if it is not the best policy for the song
+    /// Where the files go; if not given out/SONG, with the player if it is not the best policy for
+    /// the song
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
     #[arg(long, value_name = "FILE")]
     soundfont: Option<PathBuf>,
-    /// Print JSON: precision, recall, f1, pooled_f1, onset_f1, onset_offset_f1, matched, missed, wrong, files, …
+    /// Print JSON: precision, recall, f1, pooled_f1, onset_f1, onset_offset_f1, matched, missed,
+    /// wrong, files, …
     #[arg(long)]
     json: bool,
 }
@@ -61,22 +63,33 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     drop(work);
     kept(report.kept.as_ref(), &folder);
     if args.json {
-        json(&report)?
+        print_json(&report)?
     } else {
         print(&report)?
     }
     Ok(Ending::Done)
 }
 
-/// What a listener hears, in one line.
-pub(super) fn heard(note: &NoteScores) -> String {
+/// Says where a performance is that a new one in `folder` has not replaced.
+pub(super) fn kept(kept: Option<&Kept>, folder: &Path) {
+    if let Some(Kept { song, player, folder: now }) = kept {
+        note(format!(
+            "the earlier performance of {song} by {player} was moved from {} to {}",
+            folder.display(),
+            now.display()
+        ));
+    }
+}
+
+/// The scores by note in one line.
+pub(super) fn note_summary(note: &NoteScores) -> String {
     let error = note.onset_error_median_secs.zip(note.onset_error_p95_secs);
-    let error = error.map_or_else(String::new, |(median, most)| {
-        format!("; onsets {:+.0} ms in the median, 95 % within {:.0} ms", median * 1e3, most * 1e3)
+    let error = error.map_or_else(String::new, |(median, p95)| {
+        format!("; median onset error {:+.0} ms, 95 % within {:.0} ms", median * 1e3, p95 * 1e3)
     });
     let loudness = note.velocity_correlation.map_or_else(String::new, |correlation| {
         format!(
-            "; loud and soft as written: correlation {correlation:.2}, onset F1 with velocity {:.3}",
+            "; velocity correlation {correlation:.2}, onset F1 with velocity {:.3}",
             note.onset_velocity_f1
         )
     });
@@ -86,7 +99,7 @@ pub(super) fn heard(note: &NoteScores) -> String {
 fn print(report: &PlayReport) -> anyhow::Result<()> {
     let Scores { frame, note } = &report.scores;
     line(format!("{} played by {}, {} control steps", report.song, report.player, report.steps))?;
-    line(heard(note))?;
+    line(note_summary(note))?;
     line(format!("{:22} {:>9} {:>9} {:>9}", "", "precision", "recall", "F1"))?;
     let row = |name: &str, values: [f64; 3]| {
         line(format!("{name:22} {:>9.3} {:>9.3} {:>9.3}", values[0], values[1], values[2]))

@@ -1,4 +1,4 @@
-//! `etude record`: record what a robot does without playing a song.
+//! `etude record`: record a robot at rest or in an excitation.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -9,16 +9,18 @@ use etude_lab::{Motion, record_robot};
 use etude_perform::Excitation;
 use etude_perform::session::rig_choice;
 
-use super::{line, note, replaces_its_own};
-use crate::Ending;
+use crate::args;
+use crate::files::check_replaceable;
+use crate::output::{Ending, line, note};
 use crate::progress::stop_flag;
 
-/// What to record, and where to.
+/// Robot, motion and output.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The robot is brought up and holds still, or moves through an excitation: clear of the keyboard, or, as `keys`, on it: slow \
-presses of nine white keys, presses beside the gaps between keys, and pushes against black keys. Everything that it measures \
-and sends, and every key that is played, is recorded. `etude identify` fits the simulator to recordings of excitations.
+The robot is brought up and holds still, or moves through an excitation. All excitations stay clear of \
+the keyboard except `keys`: slow presses of nine white keys, presses beside the gaps between keys, and \
+pushes against black keys. The recording has every measurement, command and key. `etude identify` fits \
+the simulator to recordings of excitations.
 
 Examples:
   etude record --robot lab.toml --secs 60 -o still.mcap
@@ -28,11 +30,12 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
+    /// `random:SEED`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
-    /// Move the joints so that a simulator can be fitted to them: `open-close`, `chirp`, `rail`, `keys`, or `held-out`
-    /// to try a fit on
+    /// The motion: `open-close`, `chirp`, `rail` or `keys` to fit the simulator, `held-out` to test
+    /// a fit
     #[arg(long, value_name = "NAME", conflicts_with = "secs")]
     excitation: Option<Excitation>,
     /// Added to the seed of the twin's truth
@@ -41,10 +44,10 @@ pub struct Args {
     /// First move the robot slowly to the keyboard (a twin always does this). Stand clear
     #[arg(long)]
     home: bool,
-    /// How long, s; until Ctrl-C if not given
-    #[arg(long, value_parser = super::positive)]
+    /// Duration, s; by default until Ctrl-C
+    #[arg(long, value_parser = args::positive)]
     secs: Option<f64>,
-    /// The recording; it replaces an earlier one of this name when it is complete
+    /// The recording; a complete one replaces an existing file
     #[arg(short = 'o', long = "out", value_name = "FILE")]
     out: PathBuf,
 }
@@ -56,18 +59,18 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let motion = match (args.excitation, args.secs) {
         (Some(excitation), _) => Motion::Excitation(excitation),
         (None, None) if rig.is_twin() => {
-            anyhow::bail!("a twin in lockstep does not run by the wall clock: give the length with --secs")
+            anyhow::bail!("a twin in lockstep does not run by the wall clock: give the duration with --secs")
         }
         (None, secs) => Motion::Rest(secs.map(Duration::from_secs_f64)),
     };
     let home = args.home || rig.is_twin();
-    replaces_its_own(&args.out, "MCAP0")?;
-    // An earlier recording of this name is only replaced by a complete one.
+    check_replaceable(&args.out, "MCAP0")?;
+    // Only a complete recording replaces an existing one.
     let is_there = args.out.exists();
     let new = if is_there { args.out.with_extension("new.mcap") } else { args.out.clone() };
     let recorded = record_robot(&rig, motion, home, args.seed, &new, &stop).inspect_err(|_| {
         if is_there {
-            // It holds no motion. If it cannot be removed, it does no harm.
+            // It has no motion, so it does no harm if it cannot be removed.
             let _ = std::fs::remove_file(&new);
         }
     })?;
@@ -76,9 +79,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         // Without --secs, Ctrl-C is the normal end of a recording.
         etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
         etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
-        etude_perform::Ending::Fault(fault) => Err(anyhow::anyhow!(
-            "the robot stopped itself: {fault}; remove the cause, then give the same command again"
-        )),
+        etude_perform::Ending::Fault(fault) => {
+            Err(anyhow::anyhow!("safety stop: {fault}; remove the cause, then repeat the command"))
+        }
     };
     let is_complete = matches!(ending, Ok(Ending::Done));
     if is_there && is_complete {
@@ -88,7 +91,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let kept = if is_complete { &args.out } else { &new };
     line(format!("{} messages in {}", recorded.messages, kept.display()))?;
     if is_there && !is_complete {
-        note(format!("the earlier recording {} is kept", args.out.display()));
+        note(format!("{} is unchanged", args.out.display()));
     }
     ending
 }

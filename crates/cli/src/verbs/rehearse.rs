@@ -12,10 +12,10 @@ use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Job, Mode, shell_word};
 use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
-use super::identify::fit;
+use super::identify::fit_progress;
 use super::perform::lag_measured;
-use super::{json, line, slug};
-use crate::Ending;
+use crate::args::{self, slug};
+use crate::output::{Ending, line, print_json};
 use crate::progress::stop_flag;
 use crate::status::Status;
 
@@ -37,13 +37,14 @@ Examples:
   etude rehearse twinkle --preset sight-reader --set trainer.total_steps=300000 --rounds 1")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
-    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
+    /// `random:SEED`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Rounds of identifying, training and performing
     #[arg(long, default_value_t = 2)]
@@ -57,14 +58,16 @@ pub struct Args {
     /// Preset of the trainings
     #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME", value_parser = PossibleValuesParser::new(etude_lab::presets()), hide_possible_values = true)]
     preset: String,
-    /// Set a value of the trainings, for example --set task.randomisation.intensity=0.2; may be repeated
+    /// Set a value of the trainings, for example --set task.randomisation.intensity=0.2; may be
+    /// repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
-    /// The first policy; the shipped one of the song, or with --preset sight-reader the sight-reader, if not given. Without any, it is learned first
+    /// The first policy; the shipped one of the song, or with --preset sight-reader the
+    /// sight-reader, if not given. Without any, it is learned first
     #[arg(long, value_name = "FILE|DIR")]
     policy: Option<PathBuf>,
-    /// A simulator whose drives `etude identify` or another rehearsal has fitted to this robot (identified.toml); then only the keyboard is
-    /// fitted
+    /// A simulator whose drives `etude identify` or another rehearsal has fitted to this robot
+    /// (identified.toml); then only the keyboard is fitted
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     simulator: Option<PathBuf>,
     /// Method of identification: `lm` or `bo`
@@ -73,22 +76,25 @@ pub struct Args {
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
-    /// After the rounds, learn on the robot itself for at most this many minutes of playing: the policy of round 0 plays in
-    /// joint-mirroring, or in hybrid with --mode hybrid, and the joint errors and the wrongly played keys of a run correct the next run. At
-    /// least three runs; homing and the performances at the end are not counted. With --rounds 0 nothing is fitted
+    /// After the rounds, learn on the robot itself for at most this many minutes of playing: the
+    /// policy of round 0 plays in joint-mirroring, or in hybrid with --mode hybrid, and the joint
+    /// errors and the wrongly played keys of a run correct the next run. At least three runs;
+    /// homing and the performances at the end are not counted. With --rounds 0 nothing is fitted
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     adapt: Option<f64>,
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Where everything goes; out/rehearse-SONG if not given, out/rehearse-sight-reader with that preset
+    /// Where everything goes; out/rehearse-SONG if not given, out/rehearse-sight-reader with that
+    /// preset
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Keep the replay buffers of the trainings (some 100 MB a round), so that `etude train --resume` can continue one
+    /// Keep the replay buffers of the trainings (some 100 MB a round), so that `etude train
+    /// --resume` can continue one
     #[arg(long)]
     keep_replay: bool,
-    /// Print nothing but one JSON array at the end: the rounds. The best one has the highest mean of robot_f1 and onset_f1. With
-    /// --adapt, now or before, an object: rounds and adapted
+    /// Print nothing but one JSON array at the end: the rounds. The best one has the highest mean
+    /// of robot_f1 and onset_f1. With --adapt, now or before, an object: rounds and adapted
     #[arg(long)]
     json: bool,
 }
@@ -138,8 +144,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut page = page.checked()?;
     let best = best_round(&rounds);
     let there = folder.join("adaptation");
-    // The first policy, whatever plays best: one that was trained in a fitted simulator plays worse in this way
-    // (docs/results/adaptation.md).
+    // The first policy, whatever plays best: one that was trained in a fitted simulator plays worse
+    // in this way (docs/results/adaptation.md).
     let adapted = match (args.adapt, rounds.first()) {
         (Some(minutes), Some(first)) => {
             let adaptation = AdaptConfig {
@@ -161,8 +167,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     drop(status);
     if args.json {
         match &adapted {
-            Some(adapted) => json(&serde_json::json!({ "rounds": rounds, "adapted": adapted }))?,
-            None => json(&rounds)?,
+            Some(adapted) => print_json(&serde_json::json!({ "rounds": rounds, "adapted": adapted }))?,
+            None => print_json(&rounds)?,
         }
         page.checked()?;
         return Ok(Ending::Done);
@@ -210,7 +216,7 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
             status.done(&format!("warning: {} is not fitted to: {why}", recording.display()));
         }
         RehearsalStep::Identifying(round, at) => {
-            let [phase, state] = fit(at);
+            let [phase, state] = fit_progress(at);
             status.now(&part(*round, &format!("identifying, {phase}")), &state);
         }
         RehearsalStep::Training(round, at) => {
@@ -248,7 +254,8 @@ fn minutes(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The mode of an adaptation, in which the robot follows simulated joints, after rounds in this one.
+/// The mode of an adaptation, in which the robot follows simulated joints, after rounds in this
+/// one.
 fn mirrored(rounds: Mode) -> Mode {
     if rounds.has_simulation() { rounds } else { Mode::JointMirroring }
 }

@@ -8,16 +8,18 @@ use etude_show::render::{Studio, Video};
 use etude_show::replay::{read_take, recordings};
 use etude_stage::View;
 
-use super::{file_to_write, json, line, note};
-use crate::Ending;
+use crate::files::output_file;
+use crate::output::{Ending, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::Status;
 
-/// What to draw, from where, and where it goes.
+/// Recording, camera and output.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Keys light up as on the replay page: light blue due, blue right, orange wrong, red missed. Below runs the piano roll. Drawing needs no screen: a GPU is used if there is one, otherwise Mesa on the processor. Videos are made by ffmpeg, with the sound; \
-without ffmpeg the pictures and the sound go into a folder, with the command that makes a video of them.
+The keys have the colours of the replay page: light blue due, blue right, orange wrong, red missed. Below \
+is the piano roll. No screen is needed: a GPU draws if there is one, otherwise Mesa on the processor. \
+ffmpeg encodes videos with the sound; without it the pictures and the sound are written to a folder, and \
+the command that encodes them is printed.
 
 Examples:
   etude render out/twinkle -o twinkle.mp4
@@ -26,13 +28,13 @@ pub struct Args {
     /// A recording (*.mcap), or a folder that holds one
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
-    /// The file: .mp4 for a video, .png for a still; recording.mp4 (with --at recording.png) beside it if not given
+    /// The file: .mp4 for a video, .png for a still; by default beside the recording, with its name
     #[arg(short = 'o', long = "out", value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Draw this moment only, s
+    /// Draw a still at this time, s
     #[arg(long, value_name = "SECS")]
     at: Option<f64>,
-    /// Where the camera stands
+    /// The camera
     #[arg(long, default_value = "fingers", value_parser = view())]
     view: View,
     /// Width and height, pixels
@@ -43,7 +45,7 @@ pub struct Args {
     json: bool,
 }
 
-/// The names of the views, for clap, which lists them.
+/// The names of the views.
 fn view() -> impl TypedValueParser<Value = View> {
     PossibleValuesParser::new(View::ALL.map(View::name)).map(|name| View::of(&name).unwrap_or_default())
 }
@@ -69,7 +71,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     } else {
         "the name must end in .mp4; --at SECS makes a still"
     };
-    let out = file_to_write(out, wanted, hint)?;
+    let out = output_file(out, wanted, hint)?;
     let take = read_take(recording)?;
     if let Some(text) = &take.incomplete {
         note(format!("{}: {text}", take.name));
@@ -77,7 +79,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut studio = Studio::new(&take, args.size, args.view, is_still)?;
     if let Some(secs) = args.at {
         studio.still(secs, &out)?;
-        return told(args.json, "picture", &out, None);
+        return print(args.json, "picture", &out, None);
     }
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);
@@ -85,14 +87,14 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let video = studio.video(&out, &mut Job::new(&mut tell, &stop))?;
     drop(status);
     match video {
-        Video::File(path) => told(args.json, "video", &path, None),
-        Video::Frames { folder, command } => told(args.json, "frames", &folder, Some(&command)),
+        Video::File(path) => print(args.json, "video", &path, None),
+        Video::Frames { folder, command } => print(args.json, "frames", &folder, Some(&command)),
     }
 }
 
-fn told(is_json: bool, what: &str, path: &Path, command: Option<&str>) -> anyhow::Result<Ending> {
+fn print(is_json: bool, what: &str, path: &Path, command: Option<&str>) -> anyhow::Result<Ending> {
     if is_json {
-        json(&serde_json::json!({ what: path.display().to_string(), "command": command }))?;
+        print_json(&serde_json::json!({ what: path.display().to_string(), "command": command }))?;
     } else {
         line(format!("{what}: {}", path.display()))?;
         if let Some(command) = command {

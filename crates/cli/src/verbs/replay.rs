@@ -4,16 +4,17 @@ use std::path::PathBuf;
 
 use etude_lab::PAGE;
 use etude_show::replay::{Take, read_take, recordings, replay_page};
-use serde_json::json as object;
+use serde_json::json;
 
-use super::{file_to_write, json, line, note};
-use crate::Ending;
+use crate::files::output_file;
+use crate::output::{Ending, line, note, print_json};
 
-/// The recordings that are shown, and the file of the page.
+/// Recordings and the page.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The page is one file that needs no network: open it in a browser, send it to a colleague. Two recordings, for example of the \
-simulation and of the twin, are shown side by side, and the page marks where they differ.
+The page is one file and needs no network: open it in a browser, send it to a colleague. Two recordings, \
+for example of the simulation and of the twin, are shown side by side, and the page marks where they \
+differ.
 
 Examples:
   etude replay out/twinkle/recording.mcap
@@ -22,16 +23,18 @@ pub struct Args {
     /// Recordings (*.mcap), or folders that hold some
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// The page; if not given replay.html beside the first recording, or compared.html if they are in several folders
+    /// The page; by default replay.html beside the first recording, or compared.html if they are in
+    /// several folders
     #[arg(short = 'o', long = "out", value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Print JSON: page, bytes, and of each recording name, song, rig, mode, steps, f1, notes, marks, incomplete
+    /// Print JSON: page, bytes, and of each recording name, song, rig, mode, steps, f1, notes,
+    /// marks, incomplete
     #[arg(long)]
     json: bool,
 }
 
 fn summary(take: &Take) -> serde_json::Value {
-    object!({
+    json!({
         "name": take.name,
         "song": take.song,
         "rig": take.rig,
@@ -54,23 +57,23 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let page = match args.out {
         Some(folder) if folder.is_dir() => folder.join(PAGE),
         Some(page) => page,
-        // The folder of the first may have a page of its own.
+        // The folder of the first recording may have its own page.
         None if paths.iter().any(|path| path.parent() != paths[0].parent()) => {
             paths[0].with_file_name("compared.html")
         }
         None => paths[0].with_file_name(PAGE),
     };
-    let page = file_to_write(page, "html", "the name must end in .html")?;
+    let page = output_file(page, "html", "the name must end in .html")?;
     replay_page(&takes, &page)?;
     let bytes = std::fs::metadata(&page)?.len();
     if takes.iter().any(|take| !take.has_the_notes_of(&takes[0])) {
         note(
-            "not all of these recordings are of the same notes: the marks of where they differ mean nothing; choose recordings of one piece",
+            "the recordings are not all of the same notes, so the marks of their differences mean nothing; choose recordings of one song",
         );
     }
     if args.json {
         let summaries: Vec<_> = takes.iter().map(summary).collect();
-        json(&object!({ "page": page, "bytes": bytes, "takes": summaries }))?;
+        print_json(&json!({ "page": page, "bytes": bytes, "takes": summaries }))?;
         return Ok(Ending::Done);
     }
     for take in &takes {

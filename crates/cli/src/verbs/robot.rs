@@ -1,4 +1,4 @@
-//! `etude robot`: check, home, calibrate, watch and stop a robot.
+//! `etude robot`: check, home, calibrate, monitor and stop a robot.
 
 mod check;
 
@@ -26,15 +26,15 @@ use etude_twin::SHOWN_KEYS;
 use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGPIPE, SIGTERM};
 
-use super::{json as print_json, line, note};
-use crate::Ending;
+use crate::args;
+use crate::output::{Ending, line, note, print_json};
 use crate::progress::stop_flag;
 
-/// What to do if a running controller may not have seen the request to stop.
+/// Advice if a running controller may not have received the request to stop.
 const NOT_ASKED: &str = "a running controller could not be asked to stop: end the process of the running `etude` command (Ctrl-C in its \
                          terminal)";
 
-/// What to do with a robot.
+/// The action.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -43,15 +43,16 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum Action {
-    /// Bring hand, arm and keyboard up, hold still for half a second, release, and print serial numbers, versions, temperature and place
+    /// Bring hand, arm and keyboard up, hold still for half a second, release, and print serial
+    /// numbers, versions, temperature and position
     Check(check::Args),
-    /// Bring the robot slowly to the keyboard, fingers over the keys, from wherever it is. Stand clear
+    /// Move the robot slowly to the keyboard, fingers over the keys. Stand clear
     Home(Rig),
-    /// Show the arm where the keyboard is, one key at a time
+    /// Calibrate the keyboard's position, one key at a time
     Calibrate(Calibrate),
-    /// Release the hand and stop the arm, at once; works beside a running performance
+    /// Release the hand and stop the arm at once, also during a performance
     Stop(Rig),
-    /// Print what the devices report, without moving anything
+    /// Print the reports of the devices without moving anything
     Monitor(MonitorArgs),
     /// Stop the robot when the controller at the other end of standard input has ended
     #[command(hide = true)]
@@ -70,9 +71,9 @@ struct Rig {
 
 #[derive(clap::Args)]
 #[command(after_help = "\
-Guide the hand until its middle finger stands over the middle of the key, as high as it is to play, and press Enter. Do so \
-for all three keys; the arm may be led by hand meanwhile with --by-hand. The place is kept in the file that the rig's file \
-names, or beside it.
+Guide the hand until its middle finger is over the middle of the key, at playing height, and press Enter. \
+Repeat this for all three keys; with --by-hand the arm can be guided by hand. The position is saved in the \
+calibration file that the rig's file names, or beside it.
 
 Examples:
   etude robot calibrate --robot lab.toml --at lowest --by-hand
@@ -84,14 +85,14 @@ struct Calibrate {
     robot: String,
     /// Which key the middle finger is over
     #[arg(long, value_enum)]
-    at: Place,
-    /// Let the arm be led by hand until Enter is pressed
+    at: CalibrationKey,
+    /// Hand guiding: the arm can be moved by hand until Enter is pressed
     #[arg(long)]
     by_hand: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Place {
+enum CalibrationKey {
     /// The lowest C
     Lowest,
     /// The C in the middle
@@ -105,8 +106,8 @@ struct MonitorArgs {
     /// The file of a rig
     #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// Stop after so many seconds; Ctrl-C if not given
-    #[arg(long, value_parser = super::positive)]
+    /// Duration, s; by default until Ctrl-C
+    #[arg(long, value_parser = args::positive)]
     secs: Option<f64>,
     /// Print one JSON object a line
     #[arg(long)]
@@ -125,7 +126,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
 }
 
-/// The rig's file, for a verb that is of no use on a twin in lockstep, which exists only during one command.
+/// The rig's file; an error for the twin in lockstep, which exists only during one command.
 fn file(robot: &str) -> anyhow::Result<RigConfig> {
     if robot == TWIN {
         anyhow::bail!(
@@ -149,7 +150,7 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
         print_json(&json!({ "rail_m": place.rail_m, "joints": robot.joints() }))?;
     } else {
         line(format!(
-            "The hand is over the keys, {:+.3} m from the middle; the arm stands still, the hand is released",
+            "The hand is over the keys, {:+.3} m from the middle; the arm is at rest, the hand is released",
             place.rail_m
         ))?;
     }
@@ -169,28 +170,28 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
         ));
     }
     let guard = start_guard(Path::new(&args.robot), &rig.wires)?;
-    // Where it is not permitted, `etude doctor` says so.
+    // `etude doctor` reports where this is not permitted.
     let _priority = Priority::of_this_thread(Rank::Controller).ok();
     let mut operator = Operator { guard, claim, entered: enter(), interrupt: stop_flag()? };
     let shown = show(&rig, args.by_hand, &mut operator)?;
-    // The arm has confirmed that it stands still.
+    // The arm has confirmed that it is at rest.
     operator.guard.farewell();
     if operator.interrupt.load(Ordering::Relaxed) {
         return Ok(Ending::Stopped);
     }
     let calibration = store_point(&rig, key, &shown)?;
-    line(format!("Key {pitch} is kept in {}", rig.calibration.display()))?;
+    line(format!("Key {pitch} is saved in {}", rig.calibration.display()))?;
     let left: Vec<String> = pitches_to_show(&calibration).iter().map(ToString::to_string).collect();
     if left.is_empty() {
         try_path(&rig, &calibration, &shown.joints_rad)?;
-        line("All three keys are known, and the arm reaches the whole keyboard")?;
+        line("All three keys are calibrated, and the arm reaches the whole keyboard")?;
     } else {
-        line(format!("Still to be shown: {}", left.join(", ")))?;
+        line(format!("Still to calibrate: {}", left.join(", ")))?;
     }
     Ok(Ending::Done)
 }
 
-/// The operator who leads the arm and presses Enter.
+/// The operator who guides the arm and presses Enter.
 struct Operator {
     guard: Guard,
     claim: Claim,
@@ -224,7 +225,7 @@ fn enter() -> Receiver<()> {
 
 fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
-    // A controller that is starting would move the arm again: it checks for this request before it moves.
+    // A starting controller checks for this request before it moves the arm.
     let (requested, stopped) = std::thread::scope(|scope| {
         let requesting = scope.spawn(|| request_stop(&config.wires));
         let stopped = stop(&config);
@@ -240,7 +241,7 @@ fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
         line(format!("hand  {}", text(&stopped.hand)))?;
     }
     if !stopped.is_sure() {
-        anyhow::bail!("not everything was stopped: use the hardware stop")
+        anyhow::bail!("not all devices confirmed the stop: use the hardware stop")
     }
     match requested {
         Ok(requested) => requested.context(NOT_ASKED)?,
@@ -266,7 +267,7 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
             note(format!("guard: {what} {}", result.err().unwrap_or_else(|| "stopped".to_string())));
         }
         if !is_sure {
-            anyhow::bail!("guard: not everything was stopped: use the hardware stop")
+            anyhow::bail!("guard: not all devices confirmed the stop: use the hardware stop")
         }
     }
     Ok(Ending::Done)
@@ -274,7 +275,7 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
 
 fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
     let rig = file(&args.robot)?;
-    // A serial adapter has one user: a second one would take its bytes and close its channel.
+    // A serial adapter has one user: a second one would read its bytes and close its channel.
     let serial = rig.wires.can.starts_with("slcan:");
     let claimed = match claim(&rig) {
         Err(error) if serial => return Err(error.into()),
@@ -293,7 +294,7 @@ fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
         monitor.poll(now);
         if now >= next {
             if !next.is_zero() {
-                print_seen(&monitor, now, args.json)?;
+                print_reports(&monitor, now, args.json)?;
             }
             next = now + Duration::from_millis(500);
             monitor.ask();
@@ -303,23 +304,23 @@ fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
     Ok(if stop.load(Ordering::Relaxed) { Ending::Stopped } else { Ending::Done })
 }
 
-fn print_seen(monitor: &Monitor, now: Duration, as_json: bool) -> anyhow::Result<()> {
+fn print_reports(monitor: &Monitor, now: Duration, as_json: bool) -> anyhow::Result<()> {
     let seen = monitor.seen();
-    let hand = shown(&seen.hand, |(joints, information)| {
+    let hand = report_json(&seen.hand, |(joints, information)| {
         json!({
             "joints_rad": joints,
             "board_celsius": information.map(|information| information.board_celsius),
             "servo_on": information.map(|information| information.status.servo_on()),
         })
     });
-    let arm = shown(&seen.arm, |report| {
+    let arm = report_json(&seen.arm, |report| {
         json!({
             "state": report.map(|report| report.state),
             "mode": report.map(|report| report.mode),
             "joints_rad": report.map(|report| report.joints_rad),
         })
     });
-    let keys = shown(&seen.keyboard, |bits| {
+    let keys = report_json(&seen.keyboard, |bits| {
         let pressed: Vec<u8> = (0..49u8).filter(|key| bits >> key & 1 == 1).map(|key| 36 + key).collect();
         json!({ "pressed": pressed })
     });
@@ -336,7 +337,7 @@ fn print_seen(monitor: &Monitor, now: Duration, as_json: bool) -> anyhow::Result
     line(format!("            keyboard {}", short(&keys)))
 }
 
-/// What a device reports, or its error.
-fn shown<T>(seen: &Result<T, String>, show: impl Fn(&T) -> serde_json::Value) -> serde_json::Value {
+/// The report of a device, or its error.
+fn report_json<T>(seen: &Result<T, String>, show: impl Fn(&T) -> serde_json::Value) -> serde_json::Value {
     seen.as_ref().map_or_else(|error| json!({ "error": error }), show)
 }

@@ -1,15 +1,17 @@
-//! `etude serve`: a page to work on, on this machine alone.
+//! `etude serve`: a page for one's work, on this machine alone.
 //!
-//! Every button of the page runs a verb of this program in a process of its own ([`jobs`]), and what is shown lies in files
-//! ([`desk`]). So nothing is lost when the page or the server ends.
+//! Every button of the page runs a verb of this program in a process of its own ([`jobs`]), and all
+//! that the page shows is in files ([`workspace`]). So nothing is lost when the page or the server
+//! ends.
 
-mod desk;
+mod api;
+mod auth;
 mod files;
-mod gate;
 mod http;
 mod jobs;
-mod orders;
-mod routes;
+mod message;
+mod router;
+mod workspace;
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, TcpListener};
@@ -17,24 +19,24 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 
-use self::desk::Desk;
-use self::gate::Gate;
+use self::auth::Auth;
 use self::jobs::Jobs;
-use self::routes::Site;
-use super::{line, note};
-use crate::Ending;
+use self::router::Server;
+use self::workspace::Workspace;
+use crate::output::{Ending, line, note};
 use crate::progress::stop_flag;
 
-/// Where the page is.
+/// Where the server listens.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Drop a MIDI file on the page: it shows what will be hard, plays the song, trains, performs on the twin and compares. It runs \
-other `etude` commands, each in its own process, and shows their command lines. It works in the folder in which it is \
-started: songs that are dropped are kept in out/songs, performances in out, trainings in runs.
+Drop a MIDI file on the page: it shows which notes are hard, plays the song, trains, performs on the \
+twin and compares. It runs other `etude` commands, each in its own process, and shows their command \
+lines. It uses the folder in which it is started: dropped songs are in out/songs, performances in out, \
+trainings in runs.
 
-The address contains a random token. A request without it is refused. Only programs of this machine reach the page; from another machine use \
-`ssh -L 8000:127.0.0.1:8000 HOST` and `etude serve --port 8000`. Ctrl-C stops all running commands, saves a training, and ends the server with \
-exit code 3.
+The address contains a random token. A request without it is refused. Only programs of this machine \
+reach the page; from another machine use `ssh -L 8000:127.0.0.1:8000 HOST` and `etude serve --port \
+8000`. Ctrl-C stops all running commands, saves a training, and ends the server with exit code 3.
 
 Examples:
   etude serve
@@ -52,15 +54,15 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let folder = folder.context("the working folder cannot be read")?;
     let listener = listen(args.port)?;
     let port = listener.local_addr()?.port();
-    let gate = Gate::new(port)?;
-    let address = gate.address();
+    let auth = Auth::new(port)?;
+    let address = auth.address();
     let jobs = Jobs::new(std::env::current_exe().context("this program's file cannot be found")?);
-    let site = Arc::new(Site { gate, desk: Desk::new(folder), jobs });
+    let server = Arc::new(Server { auth, workspace: Workspace::new(folder), jobs });
     line(&address)?;
     note(
         "Open this address in a browser on this machine; Ctrl-C ends the server and saves a running training",
     );
-    http::serve(listener, &site, &stop)?;
+    http::serve(listener, &server, &stop)?;
     Ok(Ending::Stopped)
 }
 

@@ -1,4 +1,4 @@
-//! `etude songs`: what can be played, and what a song asks for.
+//! `etude songs`: the built-in songs, and the difficulty of a song.
 
 use std::path::{Path, PathBuf};
 
@@ -9,13 +9,14 @@ use etude_music::{CONTROL_HZ, Note, Song, Split, chords, melody, pitch_name, rep
 use etude_perform::shell_word;
 use etude_task::fingering::Limit;
 use etude_task::{Piece, TaskConfig};
-use serde_json::json as object;
+use serde_json::json;
 
-use super::{ConfigArgs, json, line, note, replaces_its_own};
-use crate::Ending;
+use crate::args::{self, ConfigArgs};
+use crate::files::check_replaceable;
+use crate::output::{Ending, line, note, print_json};
 use crate::status::{LongWork, while_planning};
 
-/// What to show.
+/// Action on songs.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -34,30 +35,33 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum What {
-    /// Show one song: notes by bar, range, how many a second, what may be hard, and how well it will go at sight
+    /// Show one song: notes by bar, range, notes a second, hard places, and the predicted zero-shot
+    /// score
     Show {
         /// A built-in id or a MIDI file
-        #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+        #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
-        /// Write the keys due at each control step (20 a second), as a training by this configuration plans them, to this CSV file:
-        /// step,due
+        /// Write the keys due at each control step (20 a second) by this configuration to this CSV
+        /// file: step,due
         #[arg(long, value_name = "OUT.csv")]
         frames: Option<PathBuf>,
-        /// Write how it should sound to this WAV file
+        /// Write the reference sound to this WAV file
         #[arg(long, value_name = "OUT.wav")]
         reference: Option<PathBuf>,
         #[command(flatten)]
         config: ConfigArgs,
-        /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second, bars, warnings,
-        /// at_sight (notes_right and f1, predicted for the sight-reader that comes with Étude), easier (an arrangement of which the hand
-        /// leaves out less: stretch, melody, notes, left_out), fingering
+        /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second,
+        /// bars, warnings, zero_shot (predicted notes_right and f1 of the shipped sight-reader),
+        /// easier (an arrangement with fewer omitted notes: stretch, melody, notes, left_out),
+        /// fingering
         #[arg(long)]
         json: bool,
     },
-    /// Write a song in another key or tempo as a MIDI file; refused if a note is not on the keyboard
+    /// Write a song in another key or tempo as a MIDI file; refused if a note is not on the
+    /// keyboard
     Arrange {
         /// A built-in id or a MIDI file
-        #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+        #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
         /// Semitones up, or down if negative
         #[arg(long, default_value_t = 0, value_name = "SEMITONES", allow_hyphen_values = true)]
@@ -65,19 +69,20 @@ enum What {
         /// Factor for the duration: 2 is half the tempo
         #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_hyphen_values = true)]
         stretch: f64,
-        /// Keep the upper voice alone: no note that begins below one that sounds
+        /// Keep the upper voice alone: notes that begin below a sounding one are dropped
         #[arg(long)]
         melody: bool,
         /// The new file
         #[arg(short, long, value_name = "OUT.mid")]
         out: PathBuf,
     },
-    /// Write a melody that is drawn at random, as those that the sight-reader learns
+    /// Write a random melody, as in the corpus of the sight-reader
     Make {
-        /// Seed of the melody; with --part, the first melody of that part, counting up from this seed
+        /// Seed of the melody; with --part, the first seed from this one on whose melody is in that
+        /// part
         #[arg(long, default_value_t = 0, value_name = "N")]
         seed: u64,
-        /// Only a melody that is for this: training, validation (it decides which policy is the best) or test
+        /// Part of the corpus: training, validation (it selects the best policy) or test
         #[arg(long, value_name = "PART", value_parser = part)]
         part: Option<Split>,
         /// The new file
@@ -122,7 +127,7 @@ fn list(as_json: bool) -> anyhow::Result<()> {
         let frames = song.episode_frames(CONTROL_HZ, 1.0)?.len();
         let policy = !policies(id).is_empty();
         if as_json {
-            rows.push(object!({
+            rows.push(json!({
                 "id": id, "title": title, "notes": notes, "secs": secs, "frames": frames, "policy": policy,
             }));
         } else {
@@ -131,7 +136,7 @@ fn list(as_json: bool) -> anyhow::Result<()> {
         }
     }
     if as_json {
-        return json(&rows);
+        return print_json(&rows);
     }
     line("\nFrames are control steps at 20 Hz after one second of silence. `etude songs show ID` shows one.")
 }
@@ -144,8 +149,8 @@ fn show(
     as_json: bool,
 ) -> anyhow::Result<()> {
     let song = find_song(name)?;
-    frames_csv.iter().try_for_each(|path| replaces_its_own(path, "step,due\n"))?;
-    reference.iter().try_for_each(|path| replaces_its_own(path, "WAVE"))?;
+    frames_csv.iter().try_for_each(|path| check_replaceable(path, "step,due\n"))?;
+    reference.iter().try_for_each(|path| check_replaceable(path, "WAVE"))?;
     let fits = song.check_range();
     let silence = task.initial_silence_secs;
     let mut planning = LongWork::new(as_json);
@@ -158,8 +163,8 @@ fn show(
     let arrangement = piece.as_ref().and_then(arrangement);
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
     let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());
-    let place_of = |limit: &Limit| {
-        // Control steps are rounded; the note is the nearest of its key.
+    let position_of = |limit: &Limit| {
+        // Control steps are rounded: the nearest note of this key is meant.
         let away = |note: &&Note| (note.start_secs + silence - limit.secs()).abs();
         let same = song.notes().iter().filter(|note| pitch_name(note.pitch) == limit.note());
         let secs = same.min_by(|a, b| away(a).total_cmp(&away(b))).map_or(0.0, |note| note.start_secs);
@@ -173,58 +178,56 @@ fn show(
         .busiest_second()
         .map(|second| (second.notes, song.position(second.start_secs), second.start_secs));
     let bars = bars(&song);
-    // What a fingering cannot play is listed by its plan.
+    // The fingering lists its own limits.
     let hard = if limits.is_some() { Vec::new() } else { song.warnings() };
     let quick = task.plan.warnings(&song);
     let warnings: Vec<String> = hard.iter().chain(&quick).map(ToString::to_string).collect();
     if as_json {
-        json(&object!({
+        print_json(&json!({
             "title": song.title(), "notes": notes, "secs": secs, "frames": frames.len(), "lowest": lowest,
             "highest": highest, "notes_per_sec": pace, "busiest_second": busiest.map(|(notes, place, secs)| {
-                object!({"notes": notes, "bar": place.bar, "beat": place.beat, "secs": secs})
+                json!({"notes": notes, "bar": place.bar, "beat": place.beat, "secs": secs})
             }), "bars": bars.iter().map(|(bar, secs, chords)| {
-                object!({"bar": bar, "secs": secs, "chords": chords})
-            }).collect::<Vec<_>>(), "warnings": warnings, "at_sight": at_sight, "easier": arrangement, "fingering": limits.map(|limits| object!({
+                json!({"bar": bar, "secs": secs, "chords": chords})
+            }).collect::<Vec<_>>(), "warnings": warnings, "at_sight": at_sight, "easier": arrangement, "fingering": limits.map(|limits| json!({
                 "summary": limits.to_string(),
                 "limits": limits.notes.iter().map(|limit| {
-                    let (place, secs) = place_of(limit);
-                    object!({"bar": place.bar, "beat": place.beat, "secs": secs, "note": limit.note(), "leap": limit.is_leap(), "chord": limit.is_chord(), "what": limit.what()})
+                    let (place, secs) = position_of(limit);
+                    json!({"bar": place.bar, "beat": place.beat, "secs": secs, "note": limit.note(), "leap": limit.is_leap(), "chord": limit.is_chord(), "what": limit.what()})
                 }).collect::<Vec<_>>(),
             })),
         }))?;
     } else {
         let [lowest, highest] = [lowest, highest].map(|pitch| pitch.map_or_else(String::new, pitch_name));
         line(song.title())?;
-        // A song that does not fit the keyboard has no plan.
+        // A song outside the keyboard has no key schedule.
         let planned = piece.as_ref().map_or_else(String::new, |piece| {
             format!(", {} frames with {silence} s of silence first", piece.steps())
         });
         let are = if notes == 1 { "note" } else { "notes" };
         line(format!("{notes} {are} from {lowest} to {highest}, {secs:.1} s{planned}"))?;
         if let Some((notes, place, secs)) = busiest {
-            line(format!(
-                "{pace:.1} notes a second; {notes} in the busiest, which begins at {place} ({secs:.2} s)"
-            ))?;
+            line(format!("{pace:.1} notes a second; at most {notes} in one, from {place} ({secs:.2} s) on"))?;
         }
-        line("Notes by bar, together with +, and the beats that they last")?;
+        line("Notes by bar; + joins a chord, the number is its length in beats")?;
         for (bar, _, chords) in bars {
             line(format!("  bar {bar:3}  {}", chords.join("  ")))?;
         }
-        beginning(warnings.iter().map(|warning| format!("warning: {warning}")))?;
+        print_first(warnings.iter().map(|warning| format!("warning: {warning}")))?;
         if let Some(limits) = limits {
             line(format!("With three fingers: {limits}"))?;
             if let Some(AtSight { notes_right, f1 }) = at_sight {
-                line(format!("Predicted at sight: {notes_right} of {notes} notes, F1 {f1:.2}"))?;
+                line(format!("Predicted zero-shot: {notes_right} of {notes} notes, F1 {f1:.2}"))?;
             }
             let wide = limits.notes.iter().filter(|limit| limit.is_chord()).count();
             if wide > 0 {
-                line(format!("Chords too wide, or of more notes than fingers: {wide} of these"))?;
+                line(format!("Chords too wide, or of more notes than fingers: {wide}"))?;
             }
             if let Some(first) = limits.leaps().next() {
-                let (place, secs) = place_of(first);
+                let (place, secs) = position_of(first);
                 let leaps = limits.leaps().count();
                 line(format!(
-                    "Too far for the time, left out or cut short: {leaps} of these, the first at {place} ({secs:.2} s)"
+                    "Omitted or shortened because of leaps: {leaps}, the first at {place} ({secs:.2} s)"
                 ))?;
             }
             if let Some(Arrangement { stretch, melody, notes, left_out }) = arrangement {
@@ -236,8 +239,8 @@ fn show(
                     if melody { " of the upper voice" } else { "" }
                 ))?;
             }
-            beginning(limits.notes.iter().map(|limit| {
-                let (place, secs) = place_of(limit);
+            print_first(limits.notes.iter().map(|limit| {
+                let (place, secs) = position_of(limit);
                 format!("  {place} ({secs:.2} s): {} {}", limit.note(), limit.what())
             }))?;
         }
@@ -254,20 +257,20 @@ fn show(
     Ok(())
 }
 
-/// Largest number of lines that are printed of a list.
-const MOST_LINES: usize = 12;
+/// Printed lines of a list.
+const MAX_LINES: usize = 12;
 
-/// Prints a list; of a long one the beginning, and how many more there are.
-fn beginning(mut lines: impl ExactSizeIterator<Item = String>) -> anyhow::Result<()> {
-    let more = lines.len().saturating_sub(MOST_LINES);
-    lines.by_ref().take(MOST_LINES).try_for_each(line)?;
+/// Prints the first lines of a list, and the number of the others.
+fn print_first(mut lines: impl ExactSizeIterator<Item = String>) -> anyhow::Result<()> {
+    let more = lines.len().saturating_sub(MAX_LINES);
+    lines.by_ref().take(MAX_LINES).try_for_each(line)?;
     if more > 0 {
         line(format!("  … and {more} more: --json has all"))?;
     }
     Ok(())
 }
 
-/// Number of each bar that has notes, when the first of them begins (s), and what is struck together in it.
+/// Number of each bar with notes, start of its first note (s), and its chords.
 fn bars(song: &Song) -> Vec<(u32, f64, Vec<String>)> {
     let bar = |note: &Note| song.position(note.start_secs).bar;
     let bars = song.notes().chunk_by(|one, next| bar(one) == bar(next));
@@ -278,7 +281,7 @@ fn bars(song: &Song) -> Vec<(u32, f64, Vec<String>)> {
     .collect()
 }
 
-/// Notes that are struck together and the beats that the longest of them lasts: `C4+E4 2`.
+/// A chord and the length of its longest note in beats: `C4+E4 2`.
 fn chord_name(song: &Song, chord: &[Note]) -> String {
     let names: Vec<String> = chord.iter().map(|note| pitch_name(note.pitch)).collect();
     let secs = chord.iter().map(|note| note.end_secs - note.start_secs).fold(0.0, f64::max);
@@ -312,14 +315,14 @@ fn arrange(name: &str, semitones: i32, factor: f64, melody: bool, out: &Path) ->
     song.check_range()?;
     let same = |path: &Path| std::fs::canonicalize(path).ok();
     if same(out).is_some_and(|out| same(Path::new(name)) == Some(out)) {
-        anyhow::bail!("{} is the song itself; give the new one another name with -o", out.display());
+        anyhow::bail!("{} is the song itself; choose another name with -o", out.display());
     }
     save(&song, out)?;
     let (notes, secs) = (song.notes().len(), song.duration_secs());
     line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", shell_word(out.display())))
 }
 
-/// Writes a song; a file with anything else in it is not replaced.
+/// Writes a song; only a MIDI file is replaced.
 fn save(song: &Song, out: &Path) -> anyhow::Result<()> {
     if out
         .extension()
@@ -344,7 +347,7 @@ fn make(seed: u64, part: Option<Split>, out: &Path, as_json: bool) -> anyhow::Re
     save(&song, out)?;
     let (part, notes, secs) = (song.split().to_string(), song.notes().len(), song.duration_secs());
     if as_json {
-        return json(&object!({ "seed": seed, "part": part, "notes": notes, "secs": secs }));
+        return print_json(&json!({ "seed": seed, "part": part, "notes": notes, "secs": secs }));
     }
     let file = shell_word(out.display());
     line(format!("{} for {part}: {notes} notes, {secs:.1} s: hear it with `etude play {file}`", song.title()))

@@ -1,4 +1,4 @@
-//! `etude train`: learn a song, or to read at sight.
+//! `etude train`: train a policy for a song, or the sight-reader.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -10,16 +10,16 @@ use etude_music::Song;
 use etude_perform::{NoteCounts, shell_line, shell_word};
 use serde_json::json;
 
-use super::{ConfigArgs, line, note, slug};
-use crate::progress::{Progress, heard, stop_flag};
+use crate::args::{self, ConfigArgs, slug};
+use crate::output::{Ending, is_broken_pipe, line, note, print_json};
+use crate::progress::{Progress, evaluation_summary, stop_flag};
 use crate::status::while_planning;
-use crate::{Ending, broken_pipe};
 
-/// What to learn, how and for how long.
+/// Song, configuration and limits of a training.
 #[derive(clap::Args)]
 #[command(after_help = "\
 A run's folder holds config.toml, song.mid, metrics.jsonl, TensorBoard events, the best and the last policy, and \
-checkpoints. Ctrl-C and SIGTERM save before they stop; after a kill -9 at most one checkpoint interval is lost.
+checkpoints. Ctrl-C and SIGTERM save and stop; kill -9 loses at most one checkpoint interval.
 
 Examples:
   etude train twinkle --minutes 10
@@ -30,27 +30,29 @@ Examples:
   etude train --resume runs/twinkle__fast__0
   etude train --resume runs/twinkle__fast__0 --set trainer.total_steps=3e6")]
 pub struct Args {
-    /// A built-in id (see `etude songs`) or a MIDI file; without one, the preset's corpus is learned (--preset sight-reader)
-    #[arg(required_unless_present_any = ["resume", "preset", "config"], conflicts_with = "resume", value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    /// A built-in id (see `etude songs`) or a MIDI file; without one, the preset's corpus is
+    /// learned (--preset sight-reader)
+    #[arg(required_unless_present_any = ["resume", "preset", "config"], conflicts_with = "resume", value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: Option<String>,
     #[command(flatten)]
     config: ConfigArgs,
-    /// The run's folder; runs/SONG__PRESET__SEED if not given
+    /// The run's folder; by default runs/SONG__PRESET__SEED
     #[arg(short = 'o', long = "out", value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
-    /// Begin with what this run or policy file has learned of the song, in any physics: from a run the last policy with its critics,
-    /// from a file the actor alone. Replay and optimiser are new, and task.rail_range is that of the source. `--from sight-reader`
-    /// starts from the shipped sight-reader and takes over its networks and observation
+    /// Start from the networks of this run (last policy and critics) or policy file (actor alone).
+    /// Replay buffer and optimiser are new; task.rail_range is that of the source. `--from
+    /// sight-reader` also takes its observation
     #[arg(long, value_name = "PATH", conflicts_with = "resume")]
     from: Option<PathBuf>,
-    /// Continue the run in this folder, bit for bit; --set may change its steps, intervals and threads, nothing else
+    /// Continue the run in this folder, bit for bit; --set may change only its steps, intervals and
+    /// threads
     #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "config"])]
     resume: Option<PathBuf>,
-    /// Stop after this much time, counted from this start, saving everything
-    #[arg(long, value_name = "MINUTES", value_parser = super::positive, allow_hyphen_values = true)]
+    /// Save and stop after this time, counted from this start
+    #[arg(long, value_name = "MINUTES", value_parser = args::positive, allow_hyphen_values = true)]
     minutes: Option<f64>,
-    /// Print nothing but one JSON object at the end: run, policy, song, notes_right, notes_due, notes_wrong, f1, onset_f1,
-    /// best_step, step, updates, secs, stopped
+    /// Print nothing but one JSON object at the end: run, policy, song, notes_right, notes_due,
+    /// notes_wrong, f1, onset_f1, best_step, step, updates, secs, stopped
     #[arg(long)]
     json: bool,
 }
@@ -104,9 +106,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })
 }
 
-/// A closed standard output does not change how a training ends: Ctrl-C in `etude train … | tee log` stops both.
-fn ignore_broken_pipe(said: anyhow::Result<()>) -> anyhow::Result<()> {
-    said.or_else(|error| if broken_pipe(&error) { Ok(()) } else { Err(error) })
+/// A closed standard output does not change how a training ends: Ctrl-C in `etude train … | tee
+/// log` stops both.
+fn ignore_broken_pipe(printed: anyhow::Result<()>) -> anyhow::Result<()> {
+    printed.or_else(|error| if is_broken_pipe(&error) { Ok(()) } else { Err(error) })
 }
 
 fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
@@ -122,13 +125,13 @@ fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
         let left_out = corpus.left_out()?;
         if let Some(first) = left_out.first() {
             note(format!(
-                "warning: files of the corpus that are not used: {}; the first: {first}",
+                "warning: {} files of the corpus are not used, the first because: {first}",
                 left_out.len()
             ));
         }
     }
     let what = run.song().map_or_else(
-        || "to read at sight".to_string(),
+        || "sight-reading".to_string(),
         |song| format!("{} ({} notes)", song.title(), song.notes().len()),
     );
     let trainer = &run.config().trainer;
@@ -136,7 +139,7 @@ fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
         0 => String::new(),
         step => format!(", resumed at step {step}"),
     };
-    let begun = args.from.as_ref().map_or(begun, |source| format!(", beginning with {}", source.display()));
+    let begun = args.from.as_ref().map_or(begun, |source| format!(", from {}", source.display()));
     line(format!(
         "Learning {what}: {} steps in {} at a time{begun}, into {}",
         trainer.total_steps,
@@ -152,7 +155,7 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
     let value = |name: &str| best?.scores.iter().find(|score| score.name == name).map(|score| score.value);
     if args.json {
         let notes = best.and_then(|best| NoteCounts::of_evaluation(&best.scores));
-        return super::json(&json!({
+        return print_json(&json!({
             "run": folder,
             "policy": policy,
             "song": run.song().map(Song::title),
@@ -178,8 +181,8 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
         outcome.updates,
         outcome.elapsed_secs
     ))?;
-    match best.and_then(|best| heard(&best.scores)) {
-        Some(heard) => line(format!("The best policy: {heard}; {}", policy.display()))?,
+    match best.and_then(|best| evaluation_summary(&best.scores)) {
+        Some(summary) => line(format!("The best policy: {summary}; {}", policy.display()))?,
         None => line(format!("Not evaluated yet; the policy so far is {}", policy.display()))?,
     }
     let of_run =

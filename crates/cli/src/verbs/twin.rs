@@ -8,16 +8,16 @@ use etude_robot::rig::RigConfig;
 use etude_twin::{ArmPorts, OrderedFault, Truth, TwinServer};
 use serde_json::json;
 
-use super::line;
-use crate::Ending;
+use crate::args;
+use crate::output::{Ending, line, note};
 use crate::progress::stop_flag;
 
-/// Which twin, and where it is found.
+/// Parameters, faults and files of the twin.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The folder holds twin.toml, the rig's file for --robot, its calibration, and the sockets of the hand's bus and of the \
-keyboard. The arm listens on this machine only; with --arm-ports on the robot's own ports, so that the official SDK finds \
-it at 127.0.0.1 (port 502 needs root). The twin runs until Ctrl-C.
+The folder has twin.toml (the rig's file for --robot), its calibration, and the sockets of the hand's bus \
+and of the keyboard. The arm listens on this machine only; with --arm-ports on the robot's own ports, so \
+that the official SDK finds it at 127.0.0.1 (port 502 needs root). The twin runs until Ctrl-C.
 
 Faults happen SECS after the twin was switched on, and last for the seconds after the + or without an end. A truth's file \
 lists them as [[faults]], with kind, at_secs and for_secs.
@@ -28,13 +28,14 @@ Examples:
   etude perform twinkle --robot out/twin/twin.toml --home
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
-    /// Its truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    /// Its truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
+    /// `random:SEED`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Inject a fault; may be repeated. An unknown KIND lists all kinds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
     faults: Vec<OrderedFault>,
-    /// Where its files and sockets go
+    /// Folder of its files and sockets
     #[arg(short = 'o', long = "out", default_value = "out/twin", value_name = "DIR")]
     out: PathBuf,
     /// Serve the arm on the robot's own ports instead of free ones
@@ -51,7 +52,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let ports = if args.arm_ports { ArmPorts::default() } else { ArmPorts::FREE };
     let mut server = TwinServer::open(&truth, &RigConfig::default(), &args.out, ports)?;
     let stop = stop_flag()?;
-    // It serves whether anybody reads this or not.
+    // The twin also runs if standard output is closed.
     let _ = if args.json {
         line(json!({ "rig": server.rig() }))
     } else {
@@ -61,9 +62,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     server.serve(&stop)?;
     if !server.lost().is_zero() {
         let lost = server.lost().as_secs_f64();
-        super::note(format!(
-            "warning: the machine was busy, and the twin's world stood still for {lost:.2} s"
-        ));
+        note(format!("warning: the machine was overloaded, and the twin's world paused for {lost:.2} s"));
     }
     Ok(Ending::Stopped)
 }

@@ -6,16 +6,15 @@ use std::time::SystemTime;
 
 use etude_show::watch::{RunFigures, WatchedRun, find_runs};
 
-use super::{json, line};
-use crate::Ending;
+use crate::output::{Ending, line, print_json};
 use crate::watch::{View, show, text};
 
-/// What to watch, and how it is shown.
+/// Runs and output.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Reads nothing but the runs' metrics.jsonl and descriptions: it works for trainings of other processes, over ssh, and on \
-shared file systems, and leaving it (q) ends no training. If a folder holds several runs, those written to in the last day are \
-shown (on the full screen the last eight). Set NO_COLOR=1 for a screen without colours.
+Reads only the runs' metrics.jsonl and descriptions: it works for trainings of other processes, over ssh \
+and on shared file systems, and quitting it (q) ends no training. Of a folder with several runs it shows \
+those of the last day (on the full screen the last eight). Set NO_COLOR=1 for a screen without colours.
 
 Examples:
   etude watch                                         # the runs of the last day in runs/
@@ -29,8 +28,10 @@ pub struct Args {
     /// Print one table and end (the default if standard output is not a terminal)
     #[arg(long)]
     once: bool,
-    /// Print JSON and end; of each run: run, name, song, state (waiting, running, silent, finished), secs_since_written, step,
-    /// total_steps, secs, steps_per_sec, secs_left, notes_right, notes_due, notes_wrong, best_f1, best_step, last_f1, reward_per_step, reward (its terms)
+    /// Print JSON and end; of each run: run, name, song, state (waiting, running, silent,
+    /// finished), secs_since_written, step, total_steps, secs, steps_per_sec, secs_left,
+    /// notes_right, notes_due, notes_wrong, best_f1, best_step, last_f1, reward_per_step, reward
+    /// (its terms)
     #[arg(long)]
     json: bool,
 }
@@ -47,7 +48,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 Ok(run.figures(now))
             })
             .collect::<anyhow::Result<Vec<_>>>()?;
-        if args.json { json(&figures)? } else { print(&figures)? }
+        if args.json { print_json(&figures)? } else { print(&figures)? }
     } else {
         let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
         show(&mut View::new(args.folders, colours)?)?;

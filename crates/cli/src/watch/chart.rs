@@ -8,7 +8,8 @@ use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Paragraph};
 
-use super::{View, heading, text};
+use super::text;
+use super::view::{View, heading};
 use crate::progress::clock;
 
 /// Columns of the labels left of the axis.
@@ -79,8 +80,8 @@ impl View {
         if self.by_time { point.secs } else { point.step }
     }
 
-    /// Letters distinguish the curves where colours do not. Where two curves overlap, the letters of different runs stand beside
-    /// each other.
+    /// Letters distinguish the curves where colours do not. Where two curves overlap, the letters
+    /// of different runs stand beside each other.
     fn draw_marks(&self, frame: &mut Frame, field: Rect, run: usize, x_bounds: [f64; 2], y_bounds: [f64; 2]) {
         // The cell in which the canvas has its dot.
         let cell =

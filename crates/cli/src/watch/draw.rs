@@ -6,41 +6,42 @@ use ratatui::style::{Modifier, Style, Stylize as _};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Cell, Clear, Padding, Paragraph, Row, Table, TableState, Wrap};
 
-use super::{View, rows, text};
+use super::view::View;
+use super::{rows, text};
 
-/// The smallest terminal that has room for all parts.
-const LEAST: (u16, u16) = (72, 16);
+/// The smallest terminal with room for all parts, columns and rows.
+const MIN_SIZE: (u16, u16) = (72, 16);
 /// Rows of the chart, its heading and axis among them: at least, and before the rows below it grow.
 const CHART: u16 = 8;
 const COMFORTABLE_CHART: u16 = 16;
-/// The list of runs shrinks to so many when room is short; it scrolls.
-const RUNS: u16 = 3;
+/// Smallest number of rows of the list of runs, which scrolls.
+const MIN_RUNS: u16 = 3;
 /// From this width on song and speed have a column.
 const WIDE: u16 = 110;
 
 const HELP: &[(&str, &str)] = &[
-    ("q, Esc, Ctrl-C", "leave; the trainings continue"),
+    ("q, Esc, Ctrl-C", "quit; the trainings continue"),
     ("↑ ↓, Tab", "choose a run"),
     ("s", "steps or training time on the x axis"),
     ("?", "this help"),
     ("", ""),
     ("a, b, …", "mark the same run in the list and on its curve"),
-    ("notes 13/14 +2", "in the last evaluation: right, due, and wrong ones"),
-    ("F1 best", "of the evaluations so far; the chart has them all"),
-    ("steps/s, left", "at the speed of the last ten log lines"),
-    ("silent 12 min", "has logged nothing for so long: stopped, or slow"),
-    ("lowest … highest", "the scale of the small curve beside it"),
+    ("notes 13/14 +2", "last evaluation: right, due, wrong"),
+    ("F1 best", "best evaluation; the chart has all"),
+    ("steps/s, left", "from the last ten log lines"),
+    ("silent 12 min", "time since the last log line: stopped, or slow"),
+    ("lowest … highest", "the range of the small curve"),
 ];
 
 impl View {
     /// Draws everything.
     pub(super) fn draw(&self, frame: &mut Frame) {
         let area = frame.area();
-        if area.width < LEAST.0 || area.height < LEAST.1 {
+        if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
             let text = format!(
-                "The view needs {} × {} characters, this terminal has {} × {}. Make it larger, or leave with q and \
+                "The view needs {} × {} characters, this terminal has {} × {}. Make it larger, or quit with q and \
                  use `etude watch --once`.",
-                LEAST.0, LEAST.1, area.width, area.height
+                MIN_SIZE.0, MIN_SIZE.1, area.width, area.height
             );
             frame.render_widget(Paragraph::new(text).wrap(Wrap { trim: true }), area);
             return;
@@ -49,7 +50,7 @@ impl View {
         self.draw_list(frame, list);
         self.draw_chart(frame, chart);
         self.draw_rows(frame, small);
-        let keys = " q leave   ↑↓ choose a run   s steps/time   ? help";
+        let keys = " q quit   ↑↓ choose a run   s steps/time   ? help";
         frame.render_widget(Paragraph::new(keys).dim(), foot);
         if self.help {
             draw_help(frame, area);
@@ -60,7 +61,7 @@ impl View {
         let curves = rows::count(self.runs.get(self.selected));
         let room = area.height - 1 - CHART;
         let runs = self.runs.len() as u16;
-        let list = 1 + runs.min(room.saturating_sub(2 + curves).max(RUNS));
+        let list = 1 + runs.min(room.saturating_sub(2 + curves).max(MIN_RUNS));
         let room = room - list;
         // They grow when the chart has enough.
         let spare = (room + CHART).saturating_sub(COMFORTABLE_CHART + 1);

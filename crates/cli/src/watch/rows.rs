@@ -1,4 +1,5 @@
-//! The chosen run's reward, its terms and its speed: a small curve each, with the value now and the scale.
+//! The chosen run's reward, its terms and its speed: a small curve each, with the value now and the
+//! scale.
 
 use etude_show::watch::{Point, WatchedRun};
 use ratatui::Frame;
@@ -8,7 +9,7 @@ use ratatui::style::Stylize as _;
 use ratatui::text::Line;
 use ratatui::widgets::{Paragraph, Sparkline};
 
-use super::{View, heading};
+use super::view::{View, heading};
 
 /// Rows while a run has logged nothing, so that the screen does not jump at its first line.
 const EXPECTED: u16 = 7;
@@ -49,10 +50,10 @@ impl View {
             let Some(last) = points.last() else { continue };
             let lowest = points.iter().map(|point| point.value).fold(f64::INFINITY, f64::min);
             let highest = points.iter().map(|point| point.value).fold(f64::NEG_INFINITY, f64::max);
-            let most = LEVELS * u64::from(field.height);
-            let bars = bars(points, usize::from(field.width), [lowest, highest], most);
+            let max = LEVELS * u64::from(field.height);
+            let bars = bars(points, usize::from(field.width), [lowest, highest], max);
             frame.render_widget(
-                Sparkline::default().data(bars).max(most).style(self.style(self.selected)),
+                Sparkline::default().data(bars).max(max).style(self.style(self.selected)),
                 field,
             );
             frame.render_widget(Line::from(value(last.value)).alignment(Alignment::Right).bold(), now);
@@ -62,14 +63,15 @@ impl View {
     }
 }
 
-/// `width` bars from 1 to `most`: means over equal parts of `points`, or the same point several times while there are few.
-fn bars(points: &[Point], width: usize, [lowest, highest]: [f64; 2], most: u64) -> Vec<u64> {
+/// `width` bars from 1 to `max`: means over equal parts of `points`, or the same point several
+/// times while there are few.
+fn bars(points: &[Point], width: usize, [lowest, highest]: [f64; 2], max: u64) -> Vec<u64> {
     let bar = |at: usize| {
         let first = at * points.len() / width;
         let part = &points[first..((at + 1) * points.len() / width).max(first + 1)];
         let mean = part.iter().map(|point| point.value).sum::<f64>() / part.len() as f64;
         let share = if highest > lowest { (mean - lowest) / (highest - lowest) } else { 0.5 };
-        1 + (share * (most - 1) as f64).round() as u64
+        1 + (share * (max - 1) as f64).round() as u64
     };
     (0..if points.is_empty() { 0 } else { width }).map(bar).collect()
 }

@@ -7,15 +7,15 @@ use anyhow::Context as _;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 
-use super::View;
+use super::view::View;
 use crate::progress::patient_stop_flag;
 
-/// The screen is drawn no more often, however many keys are pressed: over a slow line more would pile up.
-const REDRAW: Duration = Duration::from_millis(250);
-/// How often the runs' files are looked at.
-const READ: Duration = Duration::from_secs(1);
-/// How often runs that have begun since are looked for.
-const SEARCH: Duration = Duration::from_secs(10);
+/// Shortest time between two redraws, so that they do not queue up on a slow line.
+const REDRAW_INTERVAL: Duration = Duration::from_millis(250);
+/// Time between two reads of the runs' files.
+const POLL_INTERVAL: Duration = Duration::from_secs(1);
+/// Time between two searches for new runs.
+const SEARCH_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Shows `view` until the user, SIGTERM or the end of the terminal ends it.
 pub fn show(view: &mut View) -> anyhow::Result<()> {
@@ -35,27 +35,28 @@ pub fn show(view: &mut View) -> anyhow::Result<()> {
 
 fn watch(terminal: &mut DefaultTerminal, view: &mut View, stop: &AtomicBool) -> std::io::Result<()> {
     let started = Instant::now();
-    let (mut read_at, mut search_at, mut draw_at) = (started, started + SEARCH, started);
+    let (mut read_at, mut search_at, mut draw_at) = (started, started + SEARCH_INTERVAL, started);
     let mut changed = true;
     while !stop.load(Ordering::Relaxed) {
         let now = Instant::now();
         if now >= search_at {
             view.search();
-            search_at = now + SEARCH;
+            search_at = now + SEARCH_INTERVAL;
         }
         if now >= read_at {
-            // A file that cannot be read now is tried again: reads on network file systems sometimes fail.
+            // A file that cannot be read now is tried again: reads on network file systems
+            // sometimes fail.
             let more = view.read().unwrap_or(false);
-            read_at = if more { now } else { now + READ };
+            read_at = if more { now } else { now + POLL_INTERVAL };
             changed = true;
         }
         if changed && now >= draw_at {
             terminal.draw(|frame| view.draw(frame))?;
-            (changed, draw_at) = (false, Instant::now() + REDRAW);
+            (changed, draw_at) = (false, Instant::now() + REDRAW_INTERVAL);
         }
         let next = if changed { read_at.min(draw_at) } else { read_at };
         // Not longer than a redraw, as signals do not end the wait.
-        if event::poll(next.saturating_duration_since(Instant::now()).min(REDRAW))? {
+        if event::poll(next.saturating_duration_since(Instant::now()).min(REDRAW_INTERVAL))? {
             match event::read()? {
                 Event::Key(key) if !view.key(key) => return Ok(()),
                 _ => changed = true,

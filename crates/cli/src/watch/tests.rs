@@ -9,7 +9,7 @@ use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use ratatui::style::Color;
 
-use super::View;
+use super::view::View;
 
 /// A run with so many log lines of a thousand steps, and an evaluation every second one.
 fn write_run(folder: &Path, song: &str, lines: u32, best: f64) {
@@ -93,7 +93,7 @@ fn two_runs_fit_an_old_terminal() {
         (" energy             ", "-0.020   -0.020 …  -0.020"),
         (" key press          ▁", "1.000    0.050 …   1.000"),
         (" steps/s            ", "100      100 …     100"),
-        (" q leave   ↑↓ choose a run   s steps/time   ? help", ""),
+        (" q quit   ↑↓ choose a run   s steps/time   ? help", ""),
     ] {
         assert!(
             text.iter().any(|line| line.starts_with(begin) && line.ends_with(end)),

@@ -80,7 +80,8 @@ fn age(run: &RunFigures) -> String {
     }
 }
 
-/// `text` in at most `width` characters: names of trials begin alike and end in a fingerprint, so the middle goes.
+/// `text` in at most `width` characters: names of trials begin alike and end in a fingerprint, so
+/// the middle goes.
 pub fn shortened(text: &str, width: usize) -> String {
     let characters: Vec<char> = text.chars().collect();
     if characters.len() <= width {

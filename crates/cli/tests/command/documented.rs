@@ -1,11 +1,13 @@
-//! Numbers in the documents: what they say of the shipped policies and of the scripted baseline is what these play.
+//! Numbers in the documents: what they say of the shipped policies and of the scripted baseline is
+//! what these play.
 //!
-//! Another processor rounds otherwise, and a contact may then fall the other way: hence the tolerances.
+//! Another processor rounds otherwise, and a contact may then fall the other way: hence the
+//! tolerances.
 
 use etude_music::{Split, melodies};
 use serde_json::Value;
 
-use crate::{Desk, root, shipped};
+use crate::{Sandbox, root, shipped};
 
 /// The column with F1 by the plan that is played.
 const F1: &str = "F1 (articulated plan)";
@@ -98,7 +100,7 @@ fn right_and_wrong(cell: &str) -> [f64; 2] {
 /// Checks a table of `scripts/tables.py notes`: `player` chooses who plays.
 fn check_notes(table: &Table, player: impl Fn(&str) -> String) {
     for song in etude_music::repertoire::ids() {
-        let report = Desk::new().json(&format!("play {song} {} -o out --json", player(song)));
+        let report = Sandbox::new().json(&format!("play {song} {} -o out --json", player(song)));
         let number = |key: &str| report[key].as_f64().unwrap();
         for (column, played, tolerance) in [
             ("notes right", number("matched"), RIGHT),
@@ -126,7 +128,7 @@ fn policies() -> Table {
 fn the_shipped_policies_play_what_the_documents_say() {
     check_notes(&policies(), |song| format!("--policy {}", shipped(song).display()));
     let report =
-        Desk::new().json(&format!("play twinkle --policy {} -o out --json", shipped("twinkle").display()));
+        Sandbox::new().json(&format!("play twinkle --policy {} -o out --json", shipped("twinkle").display()));
     assert_eq!(
         (report["matched"].as_u64(), report["wrong"].as_u64()),
         (Some(14), Some(0)),
@@ -157,7 +159,7 @@ fn the_sight_reader_plays_what_the_documents_say() {
     let mut five = Vec::new();
     let mut seven = Vec::new();
     for (row, song) in built_in.chain(files) {
-        let report = Desk::new().json(&format!("play {song} --policy {} -o out --json", policy.display()));
+        let report = Sandbox::new().json(&format!("play {song} --policy {} -o out --json", policy.display()));
         let said: Vec<&str> = table.text(&row, "sight-reader: notes; onset F1; F1").split("; ").collect();
         let [right, wrong] = right_and_wrong(said[0]);
         let [is_right, is_wrong] = ["matched", "wrong"].map(|key| report[key].as_f64().unwrap());
@@ -204,11 +206,11 @@ fn the_sight_reader_plays_the_test_melodies_as_the_documents_say() {
     let said: Vec<&str> =
         table.text("20 test melodies", "sight-reader: notes; onset F1; F1").split("; ").collect();
     let [right, wrong] = right_and_wrong(said[0]);
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let mut sums = [0.0; 4];
     for song in melodies(Split::Test, 0).take(20) {
-        song.save(desk.path("melody.mid")).unwrap();
-        let report = desk.json("play melody.mid --policy sight-reader -o out --json");
+        song.save(sandbox.path("melody.mid")).unwrap();
+        let report = sandbox.json("play melody.mid --policy sight-reader -o out --json");
         for (sum, key) in sums.iter_mut().zip(["matched", "wrong", "onset_f1", "f1"]) {
             *sum += report[key].as_f64().unwrap();
         }
@@ -224,14 +226,14 @@ fn the_sight_reader_plays_the_test_melodies_as_the_documents_say() {
 fn a_piece_with_dynamics_is_played_soft_and_loud() {
     let (song, policy) = (root().join("songs/surprise-symphony.mid"), shipped("surprise-symphony"));
     // Its own policy plays, although the sight-reader is predicted to play one note more.
-    let report = Desk::new().json(&format!("play {} -o out --json", song.display()));
+    let report = Sandbox::new().json(&format!("play {} -o out --json", song.display()));
     let played = |report: &Value, key: &str| report[key].as_f64().unwrap();
     assert!(report["player"].as_str().unwrap().contains("surprise-symphony"), "{report}");
     assert!(played(&report, "velocity_correlation") >= 0.8, "{report}");
     assert!(played(&report, "matched") >= 53.0 && played(&report, "f1") >= 0.95, "{report}");
     let asked = format!("{} --policy {} -o out --json", song.display(), policy.display());
     for truth in ["mild", "standard"] {
-        let report = Desk::new().json(&format!("perform {asked} --robot twin --truth {truth}"));
+        let report = Sandbox::new().json(&format!("perform {asked} --robot twin --truth {truth}"));
         assert!(played(&report["runs"][0], "velocity_correlation") >= 0.6, "{truth}: {report}");
     }
 }
@@ -241,9 +243,9 @@ fn a_piece_with_dynamics_is_played_soft_and_loud() {
 fn the_shipped_policies_play_on_the_twin_what_the_documents_say() {
     let table = Table::read("docs/results/twin.md", "| song | simulation | joint-mirroring |");
     for song in etude_music::repertoire::ids() {
-        let desk = Desk::new();
+        let sandbox = Sandbox::new();
         let parts: Vec<_> = table.text(song, "real").split("; ").collect();
-        let report = desk
+        let report = sandbox
             .json(&format!("perform {song} --policy {} --robot twin -o out --json", shipped(song).display()));
         let number = |key: &str| report[key].as_f64().unwrap();
         let (said, latency) = (leading_number(parts[2]), 1e3 * number("latency_compensation_secs"));

@@ -3,11 +3,11 @@
 use etude_learn::Policy;
 
 use crate::playing::check_elsewhere;
-use crate::{Desk, errors, root, shipped, succeed};
+use crate::{Sandbox, errors, root, shipped, succeed};
 
 #[test]
 fn onnx_runtime_acts_as_the_policy_does() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let shipped = shipped("twinkle");
     let mut policy = Policy::load(&shipped).unwrap();
     let layout = policy.header().layout;
@@ -20,23 +20,24 @@ fn onnx_runtime_acts_as_the_policy_does() {
     let mut actions = vec![0.0; 100 * policy.header().action_len];
     policy.act(&observations, &mut actions);
     let write = |name: &str, values: &[f32]| {
-        std::fs::write(desk.path(name), values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())
+        std::fs::write(sandbox.path(name), values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())
             .unwrap();
     };
     write("observations", &observations);
     write("actions", &actions);
 
-    let said = desk.json("export onnx twinkle -o new/twinkle.onnx --json");
+    let said = sandbox.json("export onnx twinkle -o new/twinkle.onnx --json");
     assert_eq!(said["model"], "new/twinkle.onnx");
-    let files = ["new/twinkle.onnx", "observations", "actions"].map(|name| desk.path(name));
+    let files = ["new/twinkle.onnx", "observations", "actions"].map(|name| sandbox.path(name));
     check_elsewhere("check_onnx.py", &files);
 }
 
-/// What the policy saw and did in performances on the twin, from the description in the model and from joints and keys alone: with an
-/// observation relative to the hand, with one of the whole keyboard, and with velocities.
+/// What the policy saw and did in performances on the twin, from the description in the model and
+/// from joints and keys alone: with an observation relative to the hand, with one of the whole
+/// keyboard, and with velocities.
 #[test]
 fn a_model_says_all_that_is_needed_to_play() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let song = root().join("songs/au-clair-de-la-lune.mid");
     for (name, song, policy) in [
         ("sight", song.to_str().unwrap(), "sight-reader"),
@@ -44,28 +45,28 @@ fn a_model_says_all_that_is_needed_to_play() {
         ("velocities", "chord-progression", "surprise-symphony"),
     ] {
         let policy = format!("--policy {}", shipped(policy).display());
-        desk.ok(&format!("export onnx {song} {policy} -o {name}.onnx"));
-        desk.ok(&format!("perform {song} {policy} --robot twin -o {name}"));
-        let files = [format!("{name}.onnx"), format!("{name}/run-1.mcap")].map(|file| desk.path(file));
+        sandbox.ok(&format!("export onnx {song} {policy} -o {name}.onnx"));
+        sandbox.ok(&format!("perform {song} {policy} --robot twin -o {name}"));
+        let files = [format!("{name}.onnx"), format!("{name}/run-1.mcap")].map(|file| sandbox.path(file));
         check_elsewhere("check_contract.py", &files);
     }
 }
 
 #[test]
 fn what_cannot_be_exported_is_refused() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     for (args, message) in [
         ("export onnx twinkle --scripted", "no network"),
         ("export onnx twinkle -o twinkle.pb", "the name must end in .onnx"),
         ("export onnx twinckle", "did you mean twinkle"),
     ] {
-        let output = desk.command(args).output().unwrap();
+        let output = sandbox.command(args).output().unwrap();
         assert!(!output.status.success() && errors(&output).contains(message), "{args}: {}", errors(&output));
     }
-    assert_eq!(desk.left_behind(), [""; 0]);
-    succeed(desk.tiny("short.mid -o run --json"));
-    assert!(desk.ok("export onnx short.mid --policy run").contains("short.onnx"));
+    assert_eq!(sandbox.left_behind(), [""; 0]);
+    succeed(sandbox.tiny("short.mid -o run --json"));
+    assert!(sandbox.ok("export onnx short.mid --policy run").contains("short.onnx"));
     // A song without a policy of its own gets the sight-reader.
-    let said = desk.json("export onnx short.mid --json");
+    let said = sandbox.json("export onnx short.mid --json");
     assert!(said["policy"].as_str().unwrap().ends_with("sight-reader.safetensors"), "{said}");
 }

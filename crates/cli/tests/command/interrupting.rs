@@ -1,4 +1,5 @@
-//! Ctrl-C, a closed terminal, a closed pipe: nothing is lost, nothing half done counts, and the exit code is 3.
+//! Ctrl-C, a closed terminal, a closed pipe: nothing is lost, nothing half done counts, and the
+//! exit code is 3.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
@@ -8,29 +9,30 @@ use std::time::Duration;
 use serde_json::Value;
 
 use crate::training::{LONGER, started};
-use crate::{Desk, TINY, errors, processes, wait_for};
+use crate::{Sandbox, TINY, errors, processes, wait_for};
 
 #[test]
 fn a_closed_terminal_saves_a_training_and_nohup_keeps_it_running() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     for (signals, folder, code) in
         [("--default-signal=HUP", "closed", 3), ("--ignore-signal=HUP", "nohup", 0)]
     {
         // `env` sets what the signal does, whatever it does to this test.
         let mut env = Command::new("env");
-        env.current_dir(desk.path("")).arg(signals).arg(assert_cmd::cargo::cargo_bin!("etude"));
+        env.current_dir(sandbox.path("")).arg(signals).arg(assert_cmd::cargo::cargo_bin!("etude"));
         env.args(["train", "short.mid", "-o", folder]).args(TINY.iter().flat_map(|set| ["--set", set]));
-        let child = started(env.args(LONGER.split_whitespace()), &desk.path(folder));
+        let child = started(env.args(LONGER.split_whitespace()), &sandbox.path(folder));
         processes::signal(child.id(), "HUP");
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{folder}: {}", errors(&output));
     }
-    assert!(desk.ok("train --resume closed").contains("Finished after 4000 steps"));
+    assert!(sandbox.ok("train --resume closed").contains("Finished after 4000 steps"));
 }
 
-/// Starts `etude perform` with twenty runs and interrupts it when the first has ended and the second plays.
-fn interrupted_in_the_second_run(desk: &Desk, more: &str) -> std::process::Output {
-    let perform = desk.command(&format!("perform ode-to-joy --scripted --runs 20 {more}"));
+/// Starts `etude perform` with twenty runs and interrupts it when the first has ended and the
+/// second plays.
+fn interrupted_in_the_second_run(sandbox: &Sandbox, more: &str) -> std::process::Output {
+    let perform = sandbox.command(&format!("perform ode-to-joy --scripted --runs 20 {more}"));
     let mut child = { perform }.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     if more.contains("closed") {
         drop(child.stdout.take());
@@ -42,7 +44,7 @@ fn interrupted_in_the_second_run(desk: &Desk, more: &str) -> std::process::Outpu
         assert!(said.read_line(&mut line).unwrap() > 0, "it ended before the first run");
     }
     // The second is past the way to the keyboard when more than half of its recording is there.
-    let folder = desk.path(more.split_whitespace().last().unwrap());
+    let folder = sandbox.path(more.split_whitespace().last().unwrap());
     let size = |run: &str| std::fs::metadata(folder.join(run)).map_or(0, |file| file.len());
     while size("run-2.mcap") < size("run-1.mcap") * 6 / 10 {
         std::thread::sleep(Duration::from_millis(5));
@@ -53,17 +55,17 @@ fn interrupted_in_the_second_run(desk: &Desk, more: &str) -> std::process::Outpu
 
 #[test]
 fn an_interrupted_performance_counts_in_no_mean() {
-    let desk = Desk::new();
-    let output = interrupted_in_the_second_run(&desk, "-o open");
+    let sandbox = Sandbox::new();
+    let output = interrupted_in_the_second_run(&sandbox, "-o open");
     assert_eq!(output.status.code(), Some(3));
-    let report: Value = serde_json::from_slice(&desk.bytes("open/report.json")).unwrap();
+    let report: Value = serde_json::from_slice(&sandbox.bytes("open/report.json")).unwrap();
     let runs = report["runs"].as_array().unwrap();
     assert_eq!(runs[1]["ending"], "interrupted", "{report}");
     assert!(runs.len() == 2 && runs[1]["f1"].as_f64().unwrap() < runs[0]["f1"].as_f64().unwrap(), "{report}");
     assert_eq!(report["robot_f1"], runs[0]["f1"], "{report}");
     assert_eq!(report["notes_right"], runs[0]["matched"].as_f64().unwrap(), "{report}");
     // Also if nobody reads what it prints.
-    assert_eq!(interrupted_in_the_second_run(&desk, "-o closed").status.code(), Some(3));
+    assert_eq!(interrupted_in_the_second_run(&sandbox, "-o closed").status.code(), Some(3));
 }
 
 /// What a command says that is interrupted as soon as the file is there; it must end with 3.
@@ -88,8 +90,8 @@ fn stopped_at(mut command: Command, signal: &str, file: impl FnOnce(&Child) -> P
 /// A terminal that is closed stops what runs in it as Ctrl-C does, and nothing is left half done.
 #[test]
 fn a_closed_terminal_stops_as_ctrl_c_does() {
-    let desk = Desk::new();
-    desk.ok("record --robot twin --excitation rail -o rail.mcap");
+    let sandbox = Sandbox::new();
+    sandbox.ok("record --robot twin --excitation rail -o rail.mcap");
     for (args, sign, result) in [
         ("perform ode-to-joy --scripted -o robot", "robot/run-1.mcap", "robot/report.json"),
         ("identify rail.mcap -o fit", "fit/state.json", "fit/identified.toml"),
@@ -97,23 +99,24 @@ fn a_closed_terminal_stops_as_ctrl_c_does() {
     ] {
         // `env` sets what the signal does, whatever it does to this test.
         let mut command = Command::new("env");
-        command.current_dir(desk.path("")).args(["--default-signal=HUP"]);
+        command.current_dir(sandbox.path("")).args(["--default-signal=HUP"]);
         command.arg(assert_cmd::cargo::cargo_bin!("etude")).args(args.split_whitespace());
-        let said = stopped_at(command, "HUP", |_| desk.path(sign));
-        assert!(!desk.path(result).exists(), "{args}: {said}");
+        let said = stopped_at(command, "HUP", |_| sandbox.path(sign));
+        assert!(!sandbox.path(result).exists(), "{args}: {said}");
     }
 }
 
 /// Ctrl-C as soon as a command handles it, also if nobody reads what it prints.
 #[test]
 fn ctrl_c_has_one_code_in_every_long_command() {
-    let desk = Desk::new();
-    desk.ok("record --robot twin --excitation rail -o rail.mcap");
-    desk.ok("play ode-to-joy --scripted -o out");
+    let sandbox = Sandbox::new();
+    sandbox.ok("record --robot twin --excitation rail -o rail.mcap");
+    sandbox.ok("play ode-to-joy --scripted -o out");
     // A gallery of one recording is complete at once.
-    std::fs::create_dir(desk.path("takes")).unwrap();
+    std::fs::create_dir(sandbox.path("takes")).unwrap();
     for take in 0..20 {
-        std::fs::copy(desk.path("out/recording.mcap"), desk.path(format!("takes/{take}.mcap"))).unwrap();
+        std::fs::copy(sandbox.path("out/recording.mcap"), sandbox.path(format!("takes/{take}.mcap")))
+            .unwrap();
     }
     let mut commands = vec![
         "perform ode-to-joy --scripted -o robot",
@@ -127,11 +130,11 @@ fn ctrl_c_has_one_code_in_every_long_command() {
         "robot check --robot twin --wiggle",
         "twin -o served",
     ];
-    if crate::replaying::draws(&desk) {
+    if crate::rendering::draws(&sandbox) {
         commands.push("render out -o film.mp4");
     }
     for args in commands {
-        let mut child = desk.command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child = sandbox.command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         drop(child.stdout.take());
         wait_for(args, || processes::catches_interrupts(child.id()));
         processes::signal(child.id(), "INT");
@@ -142,146 +145,150 @@ fn ctrl_c_has_one_code_in_every_long_command() {
 
 #[test]
 fn a_video_that_is_interrupted_leaves_nothing() {
-    let desk = Desk::new();
-    desk.ok("play ode-to-joy --scripted -o out");
-    if !crate::replaying::draws(&desk) {
+    let sandbox = Sandbox::new();
+    sandbox.ok("play ode-to-joy --scripted -o out");
+    if !crate::rendering::draws(&sandbox) {
         return;
     }
     // Without ffmpeg the pictures themselves are the result.
-    let mut command = desk.command("render out --size 64x48 -o film.mp4");
-    command.env("PATH", desk.path("nowhere"));
-    let before = desk.left_behind();
+    let mut command = sandbox.command("render out --size 64x48 -o film.mp4");
+    command.env("PATH", sandbox.path("nowhere"));
+    let before = sandbox.left_behind();
     let is_new = |name: &String| !before.contains(name);
     let _ = interrupted_at(command, |_| {
-        let work = || desk.left_behind().into_iter().find(is_new);
+        let work = || sandbox.left_behind().into_iter().find(is_new);
         wait_for("a folder of pictures", || work().is_some());
-        desk.path(work().unwrap()).join("frames/000002.png")
+        sandbox.path(work().unwrap()).join("frames/000002.png")
     });
-    assert_eq!(desk.left_behind().into_iter().find(is_new), None);
+    assert_eq!(sandbox.left_behind().into_iter().find(is_new), None);
 }
 
 #[test]
 fn a_performance_that_is_interrupted_before_it_plays_leaves_nothing() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     // The recording is opened when the robot starts.
-    let said = interrupted_at(desk.command("perform ode-to-joy --scripted -o begun"), |_| {
-        desk.path("begun/run-1.mcap")
+    let said = interrupted_at(sandbox.command("perform ode-to-joy --scripted -o begun"), |_| {
+        sandbox.path("begun/run-1.mcap")
     });
     assert!(said.contains("interrupted before a run was complete"), "{said}");
-    assert!(!desk.path("begun").exists());
+    assert!(!sandbox.path("begun").exists());
 }
 
 #[test]
 fn a_performance_on_a_robot_replaces_all_of_an_earlier_one_or_nothing() {
-    let desk = Desk::new();
-    desk.ok("perform short.mid --scripted --runs 2 -o there");
-    desk.ok("replay there");
-    let whole = desk.bytes("there/run-1.mcap");
-    // The earlier recording is moved aside when the new one begins, that of another song to a folder of its own.
-    let perform = desk.command("perform ode-to-joy --scripted -o there");
-    let said = interrupted_at(perform, |_| desk.path("there-scripted"));
+    let sandbox = Sandbox::new();
+    sandbox.ok("perform short.mid --scripted --runs 2 -o there");
+    sandbox.ok("replay there");
+    let whole = sandbox.bytes("there/run-1.mcap");
+    // The earlier recording is moved aside when the new one begins, that of another song to a
+    // folder of its own.
+    let perform = sandbox.command("perform ode-to-joy --scripted -o there");
+    let said = interrupted_at(perform, |_| sandbox.path("there-scripted"));
     assert!(said.contains("interrupted before a run was complete"), "{said}");
-    assert!(!desk.path("there-scripted").exists());
-    assert_eq!(desk.bytes("there/run-1.mcap"), whole);
-    assert!(desk.path("there/run-2.wav").is_file() && desk.path("there/replay.html").is_file());
+    assert!(!sandbox.path("there-scripted").exists());
+    assert_eq!(sandbox.bytes("there/run-1.mcap"), whole);
+    assert!(sandbox.path("there/run-2.wav").is_file() && sandbox.path("there/replay.html").is_file());
 
     // A fault is kept to be looked at, and the performance before it too.
     let failed =
-        desk.command("perform short.mid --scripted --fault can-bus-off@10.5 -o there").output().unwrap();
+        sandbox.command("perform short.mid --scripted --fault can-bus-off@10.5 -o there").output().unwrap();
     assert!(errors(&failed).contains("the earlier performance is in there/earlier"), "{}", errors(&failed));
-    assert_eq!(desk.bytes("there/earlier/run-1.mcap"), whole);
-    assert_ne!(desk.bytes("there/run-1.mcap"), whole);
+    assert_eq!(sandbox.bytes("there/earlier/run-1.mcap"), whole);
+    assert_ne!(sandbox.bytes("there/run-1.mcap"), whole);
 
-    desk.ok("perform short.mid --scripted -o there");
-    assert!(!desk.path("there/run-2.mcap").exists() && !desk.path("there/replay.html").exists());
-    assert!(!desk.path("there/earlier").exists());
-    desk.ok("compare there there");
+    sandbox.ok("perform short.mid --scripted -o there");
+    assert!(!sandbox.path("there/run-2.mcap").exists() && !sandbox.path("there/replay.html").exists());
+    assert!(!sandbox.path("there/earlier").exists());
+    sandbox.ok("compare there there");
 }
 
 #[test]
 fn an_interrupted_play_leaves_the_folder_as_it_was() {
-    let desk = Desk::new();
-    desk.ok("play short.mid --scripted -o mine");
-    desk.ok("replay mine");
+    let sandbox = Sandbox::new();
+    sandbox.ok("play short.mid --scripted -o mine");
+    sandbox.ok("replay mine");
     let seen = || {
         let mut names: Vec<_> =
-            std::fs::read_dir(desk.path("mine")).unwrap().map(|file| file.unwrap().path()).collect();
+            std::fs::read_dir(sandbox.path("mine")).unwrap().map(|file| file.unwrap().path()).collect();
         names.sort();
         names.into_iter().map(|path| (std::fs::read(&path).unwrap(), path)).collect::<Vec<_>>()
     };
     let before = seen();
     let mut unfinished = PathBuf::new();
-    let said = interrupted_at(desk.command("play ode-to-joy --scripted -o mine"), |child| {
-        unfinished = desk.path(format!("mine/.unfinished-{}", child.id()));
+    let said = interrupted_at(sandbox.command("play ode-to-joy --scripted -o mine"), |child| {
+        unfinished = sandbox.path(format!("mine/.unfinished-{}", child.id()));
         unfinished.join("recording.mcap")
     });
     assert!(said.contains("nothing was written"), "{said}");
     assert!(seen() == before && !unfinished.exists());
-    let _ = interrupted_at(desk.command("play ode-to-joy --scripted -o new"), |child| {
-        desk.path(format!("new/.unfinished-{}", child.id())).join("recording.mcap")
+    let _ = interrupted_at(sandbox.command("play ode-to-joy --scripted -o new"), |child| {
+        sandbox.path(format!("new/.unfinished-{}", child.id())).join("recording.mcap")
     });
-    assert!(!desk.path("new").exists());
+    assert!(!sandbox.path("new").exists());
 
     // When it is done, the page of the performance before is gone with it.
-    desk.ok("play short.mid --scripted --set task.physics.key.threshold=0.6 -o mine");
-    assert!(!desk.path("mine/replay.html").exists() && seen() != before);
+    sandbox.ok("play short.mid --scripted --set task.physics.key.threshold=0.6 -o mine");
+    assert!(!sandbox.path("mine/replay.html").exists() && seen() != before);
 }
 
 #[test]
 fn each_player_has_a_folder_of_its_own() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let folder = |args: &str| {
-        let report = desk.json(&format!("play twinkle {args} --json"));
+        let report = sandbox.json(&format!("play twinkle {args} --json"));
         let midi = report["files"]["midi"].as_str().unwrap().to_string();
         midi.strip_suffix("/performance.mid").unwrap().to_string()
     };
     assert_eq!(folder(""), "out/twinkle");
     assert_eq!(folder("--scripted"), "out/twinkle-scripted");
-    std::fs::create_dir_all(desk.path("runs/other-run")).unwrap();
-    std::fs::copy(crate::shipped("twinkle"), desk.path("runs/other-run/policy-best.safetensors")).unwrap();
+    std::fs::create_dir_all(sandbox.path("runs/other-run")).unwrap();
+    std::fs::copy(crate::shipped("twinkle"), sandbox.path("runs/other-run/policy-best.safetensors")).unwrap();
     assert_eq!(folder("--policy runs/other-run"), "out/twinkle-other-run");
     assert_eq!(folder("--policy runs/other-run/policy-best.safetensors"), "out/twinkle-other-run");
     assert_eq!(folder("--set task.physics.key.threshold=0.6"), "out/twinkle-threshold-0-6");
 }
 
-/// When another policy becomes the best, what the one before played stays; by `play` and on a robot.
+/// When another policy becomes the best, what the one before played stays; by `play` and on a
+/// robot.
 #[test]
 fn a_new_best_policy_replaces_no_performance_of_another() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let said = |args: &str| {
-        let output = desk.command(args).output().unwrap();
+        let output = sandbox.command(args).output().unwrap();
         assert!(output.status.success(), "{}", errors(&output));
         errors(&output)
     };
     let player = |folder: &str| {
-        let report = std::fs::read_to_string(desk.path(folder).join("report.json")).unwrap();
+        let report = std::fs::read_to_string(sandbox.path(folder).join("report.json")).unwrap();
         serde_json::from_str::<Value>(&report).unwrap()["player"].as_str().unwrap().to_string()
     };
     assert_eq!(said("play twinkle"), "");
-    let heard = desk.bytes("out/twinkle/performance.wav");
-    std::fs::create_dir_all(desk.path("runs/twinkle__mine")).unwrap();
-    std::fs::copy(crate::shipped("twinkle"), desk.path("runs/twinkle__mine/policy-best.safetensors"))
+    let heard = sandbox.bytes("out/twinkle/performance.wav");
+    std::fs::create_dir_all(sandbox.path("runs/twinkle__mine")).unwrap();
+    std::fs::copy(crate::shipped("twinkle"), sandbox.path("runs/twinkle__mine/policy-best.safetensors"))
         .unwrap();
     let moved = said("play twinkle");
     assert!(moved.starts_with("the earlier performance of Twinkle"), "{moved}");
     assert!(moved.ends_with("was moved from out/twinkle to out/twinkle-twinkle\n"), "{moved}");
     assert!(player("out/twinkle").contains("twinkle__mine"), "{}", player("out/twinkle"));
     assert!(player("out/twinkle-twinkle").ends_with("policies/twinkle.safetensors"));
-    assert_eq!(desk.bytes("out/twinkle-twinkle/performance.wav"), heard);
-    desk.ok("replay out/twinkle-twinkle");
+    assert_eq!(sandbox.bytes("out/twinkle-twinkle/performance.wav"), heard);
+    sandbox.ok("replay out/twinkle-twinkle");
     assert_eq!(said("play twinkle"), "");
 
-    desk.ok("perform short.mid --scripted --runs 2 -o robot");
+    sandbox.ok("perform short.mid --scripted --runs 2 -o robot");
     let moved = said("perform short.mid --policy runs/twinkle__mine -o robot");
     assert!(moved.contains("was moved from robot to robot-scripted\n"), "{moved}");
     assert_eq!(player("robot-scripted"), "scripted");
-    assert!(desk.path("robot-scripted/run-2.mcap").is_file() && !desk.path("robot/run-2.mcap").exists());
+    assert!(
+        sandbox.path("robot-scripted/run-2.mcap").is_file() && !sandbox.path("robot/run-2.mcap").exists()
+    );
 }
 
 #[test]
 fn a_policy_in_another_world_says_so() {
-    let desk = Desk::new();
-    let said = |set: &str| errors(&desk.command(&format!("play twinkle --set {set}")).output().unwrap());
+    let sandbox = Sandbox::new();
+    let said = |set: &str| errors(&sandbox.command(&format!("play twinkle --set {set}")).output().unwrap());
     let right = said("task.stage.side=right");
     assert!(right.contains("trained with other settings; now task.stage.side = \"right\""), "{right}");
     assert!(said("task.stage.fences=false").contains("now task.stage.fences = false"));
@@ -293,24 +300,24 @@ fn a_policy_in_another_world_says_so() {
 
 #[test]
 fn a_recording_is_replaced_by_a_complete_one_only() {
-    let desk = Desk::new();
-    desk.ok("record --robot twin --secs 1 -o r.mcap");
-    let before = desk.bytes("r.mcap");
-    let again = || desk.command("record --robot twin --secs 600 -o r.mcap");
+    let sandbox = Sandbox::new();
+    sandbox.ok("record --robot twin --secs 1 -o r.mcap");
+    let before = sandbox.bytes("r.mcap");
+    let again = || sandbox.command("record --robot twin --secs 600 -o r.mcap");
     // Before the robot is ready there is nothing to keep.
-    let _ = interrupted_at(again(), |_| desk.path("r.new.mcap"));
-    assert!(desk.bytes("r.mcap") == before && !desk.path("r.new.mcap").exists());
+    let _ = interrupted_at(again(), |_| sandbox.path("r.new.mcap"));
+    assert!(sandbox.bytes("r.mcap") == before && !sandbox.path("r.new.mcap").exists());
     let child = again().stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let long = |file: std::fs::Metadata| file.len() as usize > before.len();
-    while !std::fs::metadata(desk.path("r.new.mcap")).is_ok_and(long) {
+    while !std::fs::metadata(sandbox.path("r.new.mcap")).is_ok_and(long) {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     processes::signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(3));
     assert!(errors(&output).contains("the earlier recording r.mcap is kept"), "{}", errors(&output));
-    assert!(desk.bytes("r.mcap") == before);
-    assert!(etude_perform::Recording::read(&desk.path("r.new.mcap")).is_ok(), "and the new one too");
-    desk.ok("record --robot twin --secs 2 -o r.mcap");
-    assert!(desk.bytes("r.mcap") != before && !desk.path("r.new.mcap").exists());
+    assert!(sandbox.bytes("r.mcap") == before);
+    assert!(etude_perform::Recording::read(&sandbox.path("r.new.mcap")).is_ok(), "and the new one too");
+    sandbox.ok("record --robot twin --secs 2 -o r.mcap");
+    assert!(sandbox.bytes("r.mcap") != before && !sandbox.path("r.new.mcap").exists());
 }

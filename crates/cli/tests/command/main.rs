@@ -1,20 +1,27 @@
-//! The real `etude`, driven as people drive it: in a scratch folder, by its arguments, signals, output and files.
+//! The real `etude`, driven as people drive it: in a scratch folder, by its arguments, signals,
+//! output and files.
 #![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 #![allow(clippy::print_stdout, reason = "the test harness shows it on request")]
 
+mod browser;
 mod documented;
 mod experiments;
 mod exporting;
 mod interrupting;
+mod killed_recordings;
 mod mistakes;
 mod pages;
 mod playing;
 mod printing;
 mod processes;
 mod rehearsing;
+mod rendering;
 mod replaying;
 mod robots;
 mod serve;
+mod serve_access;
+mod served_twin;
+mod server;
 mod shell_blocks;
 mod sight;
 mod slurm;
@@ -46,16 +53,16 @@ const TINY: &[&str] = &[
 ];
 
 /// A scratch folder with `short.mid`, a song of three notes, in which commands run.
-struct Desk {
+struct Sandbox {
     folder: tempfile::TempDir,
 }
 
-impl Desk {
+impl Sandbox {
     /// A fresh one.
     fn new() -> Self {
-        let desk = Self { folder: tempfile::tempdir().unwrap() };
-        desk.write_song("short.mid", [60, 62, 64]);
-        desk
+        let sandbox = Self { folder: tempfile::tempdir().unwrap() };
+        sandbox.write_song("short.mid", [60, 62, 64]);
+        sandbox
     }
 
     /// Writes a song of three notes to `name`.

@@ -1,10 +1,11 @@
-//! What people get wrong, and what they are told: one line that helps, no panic, nothing half-written.
+//! What people get wrong, and what they are told: one line that helps, no panic, nothing
+//! half-written.
 
-use crate::{Desk, errors, succeed};
+use crate::{Sandbox, errors, succeed};
 
 /// `etude ARGS` must fail with one of the documented codes and a short message with all of `words`.
-fn refused(desk: &Desk, args: &str, words: &[&str]) {
-    let output = desk.command(args).output().unwrap();
+fn refused(sandbox: &Sandbox, args: &str, words: &[&str]) {
+    let output = sandbox.command(args).output().unwrap();
     let said = errors(&output);
     let code = output.status.code();
     assert!(matches!(code, Some(1 | 2)), "`etude {args}` ended with {code:?}: {said}");
@@ -17,19 +18,19 @@ fn refused(desk: &Desk, args: &str, words: &[&str]) {
 
 #[test]
 fn songs_that_cannot_be_had() {
-    let desk = Desk::new();
-    std::fs::write(desk.path("empty.mid"), "").unwrap();
-    std::fs::write(desk.path("garbage.mid"), "not music at all").unwrap();
-    desk.write_song("low.mid", [24, 36, 48]);
-    let before = desk.left_behind().len();
+    let sandbox = Sandbox::new();
+    std::fs::write(sandbox.path("empty.mid"), "").unwrap();
+    std::fs::write(sandbox.path("garbage.mid"), "not music at all").unwrap();
+    sandbox.write_song("low.mid", [24, 36, 48]);
+    let before = sandbox.left_behind().len();
     for verb in ["train", "play", "songs show"] {
-        refused(&desk, &format!("{verb} twinckle"), &["did you mean twinkle?", "etude songs"]);
-        refused(&desk, &format!("{verb} absent.mid"), &["absent.mid", "No such file"]);
-        refused(&desk, &format!("{verb} empty.mid"), &["empty.mid", "the file is empty"]);
-        refused(&desk, &format!("{verb} garbage.mid"), &["garbage.mid", "not a Standard MIDI File"]);
+        refused(&sandbox, &format!("{verb} twinckle"), &["did you mean twinkle?", "etude songs"]);
+        refused(&sandbox, &format!("{verb} absent.mid"), &["absent.mid", "No such file"]);
+        refused(&sandbox, &format!("{verb} empty.mid"), &["empty.mid", "the file is empty"]);
+        refused(&sandbox, &format!("{verb} garbage.mid"), &["garbage.mid", "not a Standard MIDI File"]);
     }
     for verb in ["train", "play"] {
-        let output = desk.command(&format!("{verb} low.mid")).output().unwrap();
+        let output = sandbox.command(&format!("{verb} low.mid")).output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{verb}");
         let said = errors(&output);
         assert!(
@@ -37,15 +38,15 @@ fn songs_that_cannot_be_had() {
             "{verb}: {said}"
         );
     }
-    refused(&desk, "songs show twinkle --set task.initial_silence_secs=nan", &["NaN s"]);
-    assert_eq!(desk.left_behind().len(), before, "{:?}", desk.left_behind());
+    refused(&sandbox, "songs show twinkle --set task.initial_silence_secs=nan", &["NaN s"]);
+    assert_eq!(sandbox.left_behind().len(), before, "{:?}", sandbox.left_behind());
 }
 
 /// A file that the command itself has not written is not replaced; one that it has is.
 #[test]
 fn files_that_a_command_has_not_written_are_not_replaced() {
-    let desk = Desk::new();
-    let mine = |name: &str| std::fs::write(desk.path(name), "mine").unwrap();
+    let sandbox = Sandbox::new();
+    let mine = |name: &str| std::fs::write(sandbox.path(name), "mine").unwrap();
     for (args, file) in [
         ("model export -o world.xml", "world.xml"),
         ("export onnx twinkle -o hand.onnx", "hand.onnx"),
@@ -56,48 +57,52 @@ fn files_that_a_command_has_not_written_are_not_replaced() {
         ("songs arrange twinkle --transpose 2 -o higher.mid", "higher.mid"),
     ] {
         mine(file);
-        refused(&desk, args, &[file, "exists", "choose another name"]);
-        assert_eq!(desk.bytes(file), b"mine", "{args}");
-        std::fs::remove_file(desk.path(file)).unwrap();
-        desk.ok(args);
-        let written = desk.bytes(file);
-        desk.ok(args);
-        assert_eq!(desk.bytes(file), written, "{args}");
+        refused(&sandbox, args, &[file, "exists", "choose another name"]);
+        assert_eq!(sandbox.bytes(file), b"mine", "{args}");
+        std::fs::remove_file(sandbox.path(file)).unwrap();
+        sandbox.ok(args);
+        let written = sandbox.bytes(file);
+        sandbox.ok(args);
+        assert_eq!(sandbox.bytes(file), written, "{args}");
     }
     // Another piece of music.
-    refused(&desk, "songs arrange twinkle --transpose 3 -o higher.mid", &["higher.mid", "exists"]);
+    refused(&sandbox, "songs arrange twinkle --transpose 3 -o higher.mid", &["higher.mid", "exists"]);
     // A training that would write into a folder of the user's, here that of the song.
-    std::fs::create_dir(desk.path("mine")).unwrap();
+    std::fs::create_dir(sandbox.path("mine")).unwrap();
     for file in ["mine/song.mid", "mine/config.toml", "mine/meta.json", "mine/metrics.jsonl"] {
         mine(file);
-        refused(&desk, "train short.mid -o mine", &[file, "is not of a training", "choose another folder"]);
-        assert!(!desk.path("mine/run.lock").exists());
-        assert_eq!(desk.bytes(file), b"mine");
-        std::fs::remove_file(desk.path(file)).unwrap();
+        refused(
+            &sandbox,
+            "train short.mid -o mine",
+            &[file, "is not of a training", "choose another folder"],
+        );
+        assert!(!sandbox.path("mine/run.lock").exists());
+        assert_eq!(sandbox.bytes(file), b"mine");
+        std::fs::remove_file(sandbox.path(file)).unwrap();
     }
     // The fit of another rig.
     mine("rail.mcap");
     refused(
-        &desk,
+        &sandbox,
         "record --robot twin --excitation rail -o rail.mcap",
         &["rail.mcap", "exists", "choose another name"],
     );
-    assert_eq!(desk.bytes("rail.mcap"), b"mine");
-    std::fs::remove_file(desk.path("rail.mcap")).unwrap();
-    desk.ok("record --robot twin --excitation rail -o rail.mcap");
-    std::fs::create_dir(desk.path("fit")).unwrap();
-    std::fs::write(desk.path("fit/identification.json"), r#"{"rig": "kitchen"}"#).unwrap();
-    refused(&desk, "identify rail.mcap -o fit", &["another rig, `kitchen`", "are of `twin (standard)`"]);
+    assert_eq!(sandbox.bytes("rail.mcap"), b"mine");
+    std::fs::remove_file(sandbox.path("rail.mcap")).unwrap();
+    sandbox.ok("record --robot twin --excitation rail -o rail.mcap");
+    std::fs::create_dir(sandbox.path("fit")).unwrap();
+    std::fs::write(sandbox.path("fit/identification.json"), r#"{"rig": "kitchen"}"#).unwrap();
+    refused(&sandbox, "identify rail.mcap -o fit", &["another rig, `kitchen`", "are of `twin (standard)`"]);
     // A twin with another truth is another rig.
-    desk.ok("record --robot twin --truth mild --excitation chirp -o chirp.mcap");
+    sandbox.ok("record --robot twin --truth mild --excitation chirp -o chirp.mcap");
     let both = &["chirp.mcap: it was made on the rig `twin (mild)`, and rail.mcap on `twin (standard)`"];
-    refused(&desk, "identify rail.mcap chirp.mcap -o other", both);
+    refused(&sandbox, "identify rail.mcap chirp.mcap -o other", both);
 }
 
 #[test]
 fn settings_that_cannot_work() {
-    let desk = Desk::new();
-    std::fs::write(desk.path("broken.toml"), "[trainer").unwrap();
+    let sandbox = Sandbox::new();
+    std::fs::write(sandbox.path("broken.toml"), "[trainer").unwrap();
     let cases: &[(&str, &[&str])] = &[
         ("--set trainer.sead=3", &["trainer.sead", "expected one of", "seed"]),
         ("--set trainer.seed=-3", &["trainer.seed"]),
@@ -126,167 +131,181 @@ fn settings_that_cannot_work() {
         ("--colour", &["--colour"]),
     ];
     for (args, words) in cases {
-        refused(&desk, &format!("train short.mid {args}"), words);
+        refused(&sandbox, &format!("train short.mid {args}"), words);
     }
-    refused(&desk, "train", &["SONG"]);
-    refused(&desk, "bench --secs -1", &["--secs", "above 0"]);
-    refused(&desk, "bench --secs nan", &["--secs", "above 0"]);
-    assert_eq!(desk.left_behind(), ["broken.toml"]);
+    refused(&sandbox, "train", &["SONG"]);
+    refused(&sandbox, "bench --secs -1", &["--secs", "above 0"]);
+    refused(&sandbox, "bench --secs nan", &["--secs", "above 0"]);
+    assert_eq!(sandbox.left_behind(), ["broken.toml"]);
 }
 
 #[test]
 fn runs_that_are_none_or_are_one_already() {
-    let desk = Desk::new();
-    refused(&desk, "train --resume absent", &["absent holds no run to continue", "etude train"]);
-    refused(&desk, "train --resume .", &["holds no run to continue"]);
-    assert_eq!(desk.left_behind().len(), 0);
+    let sandbox = Sandbox::new();
+    refused(&sandbox, "train --resume absent", &["absent holds no run to continue", "etude train"]);
+    refused(&sandbox, "train --resume .", &["holds no run to continue"]);
+    assert_eq!(sandbox.left_behind().len(), 0);
     // A run of another program, or of another version of this one.
-    desk.write_song("foreign-song.mid", [60, 62, 64]);
-    std::fs::create_dir(desk.path("foreign")).unwrap();
-    std::fs::rename(desk.path("foreign-song.mid"), desk.path("foreign/song.mid")).unwrap();
-    std::fs::write(desk.path("foreign/config.toml"), "steps = 1\n").unwrap();
-    refused(&desk, "train --resume foreign", &["the training in foreign cannot be continued", "`steps`"]);
+    sandbox.write_song("foreign-song.mid", [60, 62, 64]);
+    std::fs::create_dir(sandbox.path("foreign")).unwrap();
+    std::fs::rename(sandbox.path("foreign-song.mid"), sandbox.path("foreign/song.mid")).unwrap();
+    std::fs::write(sandbox.path("foreign/config.toml"), "steps = 1\n").unwrap();
+    refused(&sandbox, "train --resume foreign", &["the training in foreign cannot be continued", "`steps`"]);
 
-    // A training that has failed before its first checkpoint is started again, with other settings too.
-    refused(&desk, "train short.mid -o run --set droq.replay_capacity=2147483648", &["droq.replay_capacity"]);
-    assert!(desk.path("run/meta.json").is_file() && !desk.path("run/checkpoints/last.safetensors").exists());
-    std::fs::remove_file(desk.path("run/song.mid")).unwrap();
-    succeed(desk.tiny("short.mid -o run --json"));
-    let before = desk.bytes("run/checkpoints/last.safetensors");
-    refused(&desk, "train short.mid -o run", &["`etude train --resume run` continues it", "-o"]);
+    // A training that has failed before its first checkpoint is started again, with other settings
+    // too.
     refused(
-        &desk,
+        &sandbox,
+        "train short.mid -o run --set droq.replay_capacity=2147483648",
+        &["droq.replay_capacity"],
+    );
+    assert!(
+        sandbox.path("run/meta.json").is_file() && !sandbox.path("run/checkpoints/last.safetensors").exists()
+    );
+    std::fs::remove_file(sandbox.path("run/song.mid")).unwrap();
+    succeed(sandbox.tiny("short.mid -o run --json"));
+    let before = sandbox.bytes("run/checkpoints/last.safetensors");
+    refused(&sandbox, "train short.mid -o run", &["`etude train --resume run` continues it", "-o"]);
+    refused(
+        &sandbox,
         "train --resume run --set droq.batch=32",
         &["`droq.batch` cannot be changed", "total_steps"],
     );
-    refused(&desk, "train --resume run --set task.reward.collision=0", &["`task.reward.collision`"]);
-    refused(&desk, "train --resume run --preset paper", &["--preset"]);
-    refused(&desk, "train short.mid --resume run", &["--resume"]);
-    refused(&desk, "train --resume run --from run", &["--from"]);
-    assert_eq!(desk.bytes("run/checkpoints/last.safetensors"), before);
+    refused(&sandbox, "train --resume run --set task.reward.collision=0", &["`task.reward.collision`"]);
+    refused(&sandbox, "train --resume run --preset paper", &["--preset"]);
+    refused(&sandbox, "train short.mid --resume run", &["--resume"]);
+    refused(&sandbox, "train --resume run --from run", &["--from"]);
+    assert_eq!(sandbox.bytes("run/checkpoints/last.safetensors"), before);
 
-    let config = String::from_utf8(desk.bytes("run/config.toml")).unwrap();
+    let config = String::from_utf8(sandbox.bytes("run/config.toml")).unwrap();
     assert!(config.contains("lookahead = 5"));
-    std::fs::write(desk.path("run/config.toml"), config.replace("lookahead = 5", "lookahead = 6")).unwrap();
-    refused(&desk, "train --resume run", &["the `task` of run/config.toml", "put it back"]);
+    std::fs::write(sandbox.path("run/config.toml"), config.replace("lookahead = 5", "lookahead = 6"))
+        .unwrap();
+    refused(&sandbox, "train --resume run", &["the `task` of run/config.toml", "put it back"]);
     // A term of another build.
     let foreign =
         |weight: f64| config.replace("[task.reward]", &format!("[task.reward]\neffort = {weight:?}"));
     assert_ne!(foreign(0.0), config);
-    std::fs::write(desk.path("run/config.toml"), foreign(0.5)).unwrap();
+    std::fs::write(sandbox.path("run/config.toml"), foreign(0.5)).unwrap();
     refused(
-        &desk,
+        &sandbox,
         "train --resume run",
         &["the training in run cannot be continued", "`effort`", "`--from run`"],
     );
-    std::fs::write(desk.path("run/config.toml"), foreign(0.0)).unwrap();
-    desk.ok("train --resume run --json");
-    std::fs::remove_file(desk.path("run/config.toml")).unwrap();
-    refused(&desk, "train --resume run", &["without its config.toml", "put it back"]);
-    std::fs::write(desk.path("run/config.toml"), config).unwrap();
+    std::fs::write(sandbox.path("run/config.toml"), foreign(0.0)).unwrap();
+    sandbox.ok("train --resume run --json");
+    std::fs::remove_file(sandbox.path("run/config.toml")).unwrap();
+    refused(&sandbox, "train --resume run", &["without its config.toml", "put it back"]);
+    std::fs::write(sandbox.path("run/config.toml"), config).unwrap();
 
-    std::fs::write(desk.path("run/checkpoints/last.safetensors"), &before[..before.len() / 2]).unwrap();
-    refused(&desk, "train --resume run", &["last.safetensors", "damaged"]);
-    std::fs::remove_file(desk.path("run/checkpoints/last.safetensors")).unwrap();
-    refused(&desk, "train --resume run", &["no checkpoint"]);
-    refused(&desk, "train short.mid -o run", &["run holds a training without its checkpoint"]);
-    std::fs::remove_file(desk.path("run/policy-last.safetensors")).unwrap();
-    refused(&desk, "train short.mid -o run", &["run holds a training without its checkpoint"]);
+    std::fs::write(sandbox.path("run/checkpoints/last.safetensors"), &before[..before.len() / 2]).unwrap();
+    refused(&sandbox, "train --resume run", &["last.safetensors", "damaged"]);
+    std::fs::remove_file(sandbox.path("run/checkpoints/last.safetensors")).unwrap();
+    refused(&sandbox, "train --resume run", &["no checkpoint"]);
+    refused(&sandbox, "train short.mid -o run", &["run holds a training without its checkpoint"]);
+    std::fs::remove_file(sandbox.path("run/policy-last.safetensors")).unwrap();
+    refused(&sandbox, "train short.mid -o run", &["run holds a training without its checkpoint"]);
 }
 
-/// The source differs in its song, its observation, its networks: each is told apart, and no folder is made.
+/// The source differs in its song, its observation, its networks: each is told apart, and no folder
+/// is made.
 #[test]
 fn beginnings_that_do_not_fit() {
-    let desk = Desk::new();
-    succeed(desk.tiny("short.mid -o run --json"));
+    let sandbox = Sandbox::new();
+    succeed(sandbox.tiny("short.mid -o run --json"));
     for source in ["run", "run/policy-best.safetensors"] {
         let from = |rest: &str| format!("train {rest} --from {source} -o new");
-        refused(&desk, &from("twinkle"), &["`short`", "Twinkle", source, "--from"]);
-        refused(&desk, &from("short.mid"), &["[16, 16]", "[128, 128, 128]", "droq.hidden"]);
-        refused(&desk, &from("short.mid --set task.lookahead=2"), &["5 steps", "2 steps", "task.lookahead"]);
+        refused(&sandbox, &from("twinkle"), &["`short`", "Twinkle", source, "--from"]);
+        refused(&sandbox, &from("short.mid"), &["[16, 16]", "[128, 128, 128]", "droq.hidden"]);
         refused(
-            &desk,
+            &sandbox,
+            &from("short.mid --set task.lookahead=2"),
+            &["5 steps", "2 steps", "task.lookahead"],
+        );
+        refused(
+            &sandbox,
             &from("short.mid --set task.previous_joints=false"),
             &["true", "task.previous_joints"],
         );
-        refused(&desk, &from("short.mid --set task.stage.side=right"), &["Left hand", "Right hand"]);
-        refused(&desk, &from("short.mid --set task.scale=si"), &["Normalised", "Si", "task.scale"]);
+        refused(&sandbox, &from("short.mid --set task.stage.side=right"), &["Left hand", "Right hand"]);
+        refused(&sandbox, &from("short.mid --set task.scale=si"), &["Normalised", "Si", "task.scale"]);
     }
-    let path = desk.path("run/checkpoints/last.safetensors");
+    let path = sandbox.path("run/checkpoints/last.safetensors");
     let checkpoint = std::fs::read(&path).unwrap();
     std::fs::write(&path, &checkpoint[..checkpoint.len() / 2]).unwrap();
-    refused(&desk, "train short.mid --from run -o new", &["last.safetensors", "damaged"]);
-    assert_eq!(desk.left_behind(), ["run"]);
-    refused(&desk, "evaluate short.mid --policy run --worlds 0", &["--worlds"]);
-    refused(&desk, "evaluate short.mid --policy run --intensity 2", &["randomisation.intensity", "0 … 1"]);
-    refused(&desk, "evaluate short.mid --policy run --worlds 1 -o /proc/x.csv", &["/proc/x.csv"]);
+    refused(&sandbox, "train short.mid --from run -o new", &["last.safetensors", "damaged"]);
+    assert_eq!(sandbox.left_behind(), ["run"]);
+    refused(&sandbox, "evaluate short.mid --policy run --worlds 0", &["--worlds"]);
+    refused(&sandbox, "evaluate short.mid --policy run --intensity 2", &["randomisation.intensity", "0 … 1"]);
+    refused(&sandbox, "evaluate short.mid --policy run --worlds 1 -o /proc/x.csv", &["/proc/x.csv"]);
 }
 
 #[test]
 fn policies_that_cannot_play() {
-    let desk = Desk::new();
-    refused(&desk, "play short.mid --policy absent", &["no policy `absent`", "one that comes with Étude"]);
-    refused(&desk, "play short.mid --policy .", &["holds no policy"]);
-    refused(&desk, "play short.mid --policy short.mid", &["short.mid cannot be used"]);
-    succeed(desk.tiny("short.mid -o run --json"));
-    let mut policy = desk.bytes("run/policy-best.safetensors");
+    let sandbox = Sandbox::new();
+    refused(&sandbox, "play short.mid --policy absent", &["no policy `absent`", "one that comes with Étude"]);
+    refused(&sandbox, "play short.mid --policy .", &["holds no policy"]);
+    refused(&sandbox, "play short.mid --policy short.mid", &["short.mid cannot be used"]);
+    succeed(sandbox.tiny("short.mid -o run --json"));
+    let mut policy = sandbox.bytes("run/policy-best.safetensors");
     policy.truncate(policy.len() - 100);
-    std::fs::write(desk.path("half.safetensors"), policy).unwrap();
-    refused(&desk, "play short.mid --policy half.safetensors", &["half.safetensors", "damaged"]);
-    refused(&desk, "play short.mid --policy run --set task.lookahead=2", &["another observation"]);
-    refused(&desk, "play short.mid --policy run --set task.lookahed=2", &["task.lookahed"]);
-    refused(&desk, "play short.mid --policy run --soundfont short.mid", &["short.mid", "SoundFont"]);
-    assert!(!desk.path("out").exists());
+    std::fs::write(sandbox.path("half.safetensors"), policy).unwrap();
+    refused(&sandbox, "play short.mid --policy half.safetensors", &["half.safetensors", "damaged"]);
+    refused(&sandbox, "play short.mid --policy run --set task.lookahead=2", &["another observation"]);
+    refused(&sandbox, "play short.mid --policy run --set task.lookahed=2", &["task.lookahed"]);
+    refused(&sandbox, "play short.mid --policy run --soundfont short.mid", &["short.mid", "SoundFont"]);
+    assert!(!sandbox.path("out").exists());
 }
 
 /// `/proc` takes no folders, not even from root, for whom permissions mean nothing.
 #[test]
 fn places_that_cannot_be_written() {
-    let desk = Desk::new();
-    succeed(desk.tiny("short.mid -o run --json"));
+    let sandbox = Sandbox::new();
+    succeed(sandbox.tiny("short.mid -o run --json"));
     for place in ["/proc/etude", "short.mid", "short.mid/below"] {
-        refused(&desk, &format!("train short.mid -o {place}"), &[place, "-o"]);
-        refused(&desk, &format!("play short.mid --policy run -o {place}"), &[place, "-o"]);
+        refused(&sandbox, &format!("train short.mid -o {place}"), &[place, "-o"]);
+        refused(&sandbox, &format!("play short.mid --policy run -o {place}"), &[place, "-o"]);
     }
-    refused(&desk, "model export -o /proc/world.xml", &["/proc/world.xml"]);
-    refused(&desk, "model export -o no/such/world.xml", &["no/such/world.xml", "create the folder first"]);
+    refused(&sandbox, "model export -o /proc/world.xml", &["/proc/world.xml"]);
+    refused(&sandbox, "model export -o no/such/world.xml", &["no/such/world.xml", "create the folder first"]);
 }
 
-/// A disk fails, or a file is copied half: nothing plays or is trained further with wrong numbers, and what is whole is named.
+/// A disk fails, or a file is copied half: nothing plays or is trained further with wrong numbers,
+/// and what is whole is named.
 #[test]
 fn damaged_files_are_noticed_and_what_is_left_is_named() {
-    let desk = Desk::new();
-    succeed(desk.tiny("short.mid -o run"));
+    let sandbox = Sandbox::new();
+    succeed(sandbox.tiny("short.mid -o run"));
     let damage = |name: &str| {
-        let (mut bytes, whole) = (desk.bytes(name), desk.bytes(name));
+        let (mut bytes, whole) = (sandbox.bytes(name), sandbox.bytes(name));
         *bytes.last_mut().unwrap() ^= 1;
-        std::fs::write(desk.path(name), bytes).unwrap();
+        std::fs::write(sandbox.path(name), bytes).unwrap();
         whole
     };
     let whole = damage("run/policy-best.safetensors");
-    refused(&desk, "play short.mid --policy run", &["policy-best.safetensors", "damaged", "checksum"]);
-    std::fs::write(desk.path("run/policy-best.safetensors"), whole).unwrap();
+    refused(&sandbox, "play short.mid --policy run", &["policy-best.safetensors", "damaged", "checksum"]);
+    std::fs::write(sandbox.path("run/policy-best.safetensors"), whole).unwrap();
     damage("run/checkpoints/last.safetensors");
     let resume = "train --resume run --set trainer.total_steps=800";
-    refused(&desk, resume, &["checkpoints/last.safetensors", "checksum", "its policy is not damaged"]);
+    refused(&sandbox, resume, &["checkpoints/last.safetensors", "checksum", "its policy is not damaged"]);
     let begin = "train run/song.mid --config run/config.toml --from run/policy-best.safetensors -o again";
-    let said = errors(&desk.command(resume).output().unwrap());
+    let said = errors(&sandbox.command(resume).output().unwrap());
     assert!(said.contains(&format!("`etude {}`", begin.replace("again", "DIR"))), "{said}");
-    assert!(desk.ok(begin).contains("beginning with run/policy-best.safetensors"));
+    assert!(sandbox.ok(begin).contains("beginning with run/policy-best.safetensors"));
 
-    desk.write_song("again/song.mid", [60, 62, 67]);
+    sandbox.write_song("again/song.mid", [60, 62, 67]);
     let resume = "train --resume again --set trainer.total_steps=800";
-    refused(&desk, resume, &["again/song.mid is not the song", "put it back"]);
+    refused(&sandbox, resume, &["again/song.mid is not the song", "put it back"]);
 }
 
 /// Somebody corrects a note in the file and goes on as if nothing had happened.
 #[test]
 fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned() {
-    let desk = Desk::new();
-    succeed(desk.tiny("short.mid -o runs/short__fast__0"));
-    let same = desk.command("play short.mid --policy runs/short__fast__0 -o before").output().unwrap();
+    let sandbox = Sandbox::new();
+    succeed(sandbox.tiny("short.mid -o runs/short__fast__0"));
+    let same = sandbox.command("play short.mid --policy runs/short__fast__0 -o before").output().unwrap();
     assert!(same.status.success() && errors(&same).is_empty(), "{}", errors(&same));
-    desk.write_song("short.mid", [60, 62, 65]);
+    sandbox.write_song("short.mid", [60, 62, 65]);
     for (play, said) in [
         (
             "play short.mid -o after",
@@ -297,10 +316,10 @@ fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned(
             "warning: this policy learned another `short`",
         ),
     ] {
-        let other = desk.command(play).output().unwrap();
+        let other = sandbox.command(play).output().unwrap();
         assert!(other.status.success() && errors(&other).starts_with(said), "{}", errors(&other));
     }
-    let refused = desk.tiny("short.mid -o runs/short__fast__0").output().unwrap();
+    let refused = sandbox.tiny("short.mid -o runs/short__fast__0").output().unwrap();
     let said = errors(&refused);
     assert!(
         refused.status.code() == Some(1) && said.contains("holds a training of another `short`"),
@@ -309,14 +328,14 @@ fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned(
 }
 
 /// `etude ARGS` must be refused as a wrong command line, with a message that has all of `words`.
-fn redirected(desk: &Desk, args: &str, words: &[&str]) {
-    refused(desk, args, words);
-    assert_eq!(desk.command(args).output().unwrap().status.code(), Some(2), "`etude {args}`");
+fn redirected(sandbox: &Sandbox, args: &str, words: &[&str]) {
+    refused(sandbox, args, words);
+    assert_eq!(sandbox.command(args).output().unwrap().status.code(), Some(2), "`etude {args}`");
 }
 
 #[test]
 fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let cases: &[(&str, &[&str])] = &[
         ("trian", &["did you mean `etude train`?"]),
         ("trian twinkle --minutes 1", &["did you mean `etude train twinkle --minutes 1`?"]),
@@ -343,15 +362,15 @@ fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
         ("completions bahs", &["similar value exists: 'bash'"]),
     ];
     for (args, words) in cases {
-        redirected(&desk, args, words);
+        redirected(&sandbox, args, words);
     }
-    let said = errors(&desk.command("check").output().unwrap());
+    let said = errors(&sandbox.command("check").output().unwrap());
     assert!(!said.contains("bench"), "the command that is called so, and no other: {said}");
-    refused(&desk, "train twinkle --set trainer.sead=3", &["did you mean seed?"]);
-    refused(&desk, "train twinkle --set seed=3", &["did you mean trainer.seed?"]);
+    refused(&sandbox, "train twinkle --set trainer.sead=3", &["did you mean seed?"]);
+    refused(&sandbox, "train twinkle --set seed=3", &["did you mean trainer.seed?"]);
     let params = "task.physics.key.treshold=0.6";
-    refused(&desk, &format!("train twinkle --set {params}"), &["did you mean key.threshold?"]);
+    refused(&sandbox, &format!("train twinkle --set {params}"), &["did you mean key.threshold?"]);
     // A command line is given back as it is typed.
-    let output = desk.command("show").arg("it's mine.mid").output().unwrap();
+    let output = sandbox.command("show").arg("it's mine.mid").output().unwrap();
     assert!(errors(&output).contains(r#"`etude songs show "it's mine.mid"`"#), "{}", errors(&output));
 }

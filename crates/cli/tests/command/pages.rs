@@ -2,9 +2,9 @@
 
 use serde_json::Value;
 
+use crate::browser::{all_pass, browser_tests};
 use crate::experiments::{FOUR, tiny};
-use crate::replaying::{all_pass, browser_tests};
-use crate::{Desk, succeed};
+use crate::{Sandbox, succeed};
 
 /// What a page can show besides the figure of [`FOUR`]: curves, and the paper's numbers.
 const MORE: &str = r#"
@@ -23,34 +23,34 @@ value = 0.9
 
 const NOTES: &str = "# Setup\n\nPreset `fast`, **one** seed. <b>Text</b>\n\n- one\n- two\n";
 
-/// Plays a rehearsal's first round, and puts another one beside it that has the same performance: the same command then writes the page of
-/// both.
-fn rehearse(desk: &Desk) {
+/// Plays a rehearsal's first round, and puts another one beside it that has the same performance:
+/// the same command then writes the page of both.
+fn rehearse(sandbox: &Sandbox) {
     let rehearse = "rehearse c-major-scale --robot twin --runs 1 --seed 3 -o rehearsal";
-    desk.ok(&format!("{rehearse} --rounds 0"));
-    let mut round: Value = serde_json::from_slice(&desk.bytes("rehearsal/round-0/round.json")).unwrap();
+    sandbox.ok(&format!("{rehearse} --rounds 0"));
+    let mut round: Value = serde_json::from_slice(&sandbox.bytes("rehearsal/round-0/round.json")).unwrap();
     round["round"] = 1.into();
     round["gap"] = (-0.01).into();
     round["held_out_rad"] = serde_json::json!([0.013, 0.0017]);
     round["physics"] = serde_json::json!({ "joint.rail.delay": 0.0123 });
-    std::fs::create_dir(desk.path("rehearsal/round-1")).unwrap();
-    std::fs::write(desk.path("rehearsal/round-1/round.json"), round.to_string()).unwrap();
-    desk.ok(&format!("{rehearse} --rounds 1"));
-    let page = String::from_utf8(desk.bytes("rehearsal/rehearsal.html")).unwrap();
+    std::fs::create_dir(sandbox.path("rehearsal/round-1")).unwrap();
+    std::fs::write(sandbox.path("rehearsal/round-1/round.json"), round.to_string()).unwrap();
+    sandbox.ok(&format!("{rehearse} --rounds 1"));
+    let page = String::from_utf8(sandbox.bytes("rehearsal/rehearsal.html")).unwrap();
     assert!(page.contains("href=\"round-0/performance/run-1.html\"") && !page.contains(".mcap"), "{page}");
     assert!(page.contains("Notes right on the robot") && page.contains("gap (%)"), "{page}");
 }
 
-fn experiment(desk: &Desk) {
+fn experiment(sandbox: &Sandbox) {
     // Two on one page, of the same trials.
     for name in ["shown.toml", "again.toml"] {
-        std::fs::write(desk.path(name), format!("{FOUR}{MORE}")).unwrap();
+        std::fs::write(sandbox.path(name), format!("{FOUR}{MORE}")).unwrap();
     }
-    std::fs::create_dir_all(desk.path("report/shown")).unwrap();
-    std::fs::write(desk.path("report/shown/notes.md"), NOTES).unwrap();
-    succeed(tiny(desk, "experiment run shown.toml"));
-    succeed(tiny(desk, "experiment report shown.toml again.toml -o report"));
-    let page = String::from_utf8(desk.bytes("report/index.html")).unwrap();
+    std::fs::create_dir_all(sandbox.path("report/shown")).unwrap();
+    std::fs::write(sandbox.path("report/shown/notes.md"), NOTES).unwrap();
+    succeed(tiny(sandbox, "experiment run shown.toml"));
+    succeed(tiny(sandbox, "experiment report shown.toml again.toml -o report"));
+    let page = String::from_utf8(sandbox.bytes("report/index.html")).unwrap();
     for part in [
         "<strong>one</strong>",
         "<li>two</li>",
@@ -62,21 +62,21 @@ fn experiment(desk: &Desk) {
     }
     // A drawing is in the colours of the page; as a file of its own it is on white.
     assert!(page.contains("var(--series-1)") && !page.contains("\"#FFFFFF\""));
-    let file = String::from_utf8(desk.bytes("report/shown/scores.svg")).unwrap();
+    let file = String::from_utf8(sandbox.bytes("report/shown/scores.svg")).unwrap();
     assert!(file.contains("fill=\"#FFFFFF\"") && file.contains("the paper"));
 }
 
 #[test]
 fn every_page_is_accessible_light_and_dark_wide_and_on_a_phone() {
-    let desk = Desk::new();
-    desk.ok("play short.mid --scripted -o out");
-    desk.ok("perform short.mid --scripted --robot twin --mode real --runs 1 -o twin");
-    desk.ok("replay out -o replay.html");
-    desk.ok("compare out twin -o compare.html");
-    desk.ok("gallery out twin -o gallery");
-    rehearse(&desk);
-    experiment(&desk);
-    let Some(mut tests) = browser_tests(&desk, &["test/pages.test.mjs"]) else { return };
+    let sandbox = Sandbox::new();
+    sandbox.ok("play short.mid --scripted -o out");
+    sandbox.ok("perform short.mid --scripted --robot twin --mode real --runs 1 -o twin");
+    sandbox.ok("replay out -o replay.html");
+    sandbox.ok("compare out twin -o compare.html");
+    sandbox.ok("gallery out twin -o gallery");
+    rehearse(&sandbox);
+    experiment(&sandbox);
+    let Some(mut tests) = browser_tests(&sandbox, &["test/pages.test.mjs"]) else { return };
     let pages = [
         "replay.html",
         "compare.html",
@@ -84,8 +84,8 @@ fn every_page_is_accessible_light_and_dark_wide_and_on_a_phone() {
         "rehearsal/rehearsal.html",
         "report/index.html",
     ];
-    let pages = std::env::join_paths(pages.map(|page| desk.path(page))).unwrap();
+    let pages = std::env::join_paths(pages.map(|page| sandbox.path(page))).unwrap();
     tests.env("ETUDE_PAGES", pages);
     all_pass(tests);
-    assert_eq!(std::fs::read_dir(desk.path("screenshots")).unwrap().count(), 5 * 4);
+    assert_eq!(std::fs::read_dir(sandbox.path("screenshots")).unwrap().count(), 5 * 4);
 }

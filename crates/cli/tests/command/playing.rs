@@ -7,18 +7,18 @@ use std::process::Command;
 use etude_music::Song;
 use etude_perform::Recording;
 
-use crate::{Desk, csv, errors, root, shipped, succeed};
+use crate::{Sandbox, csv, errors, root, shipped, succeed};
 
 /// Environment variable that names a Python with scikit-learn and mcap; `make test` sets it.
 const PYTHON: &str = "ETUDE_PYTHON";
 
 #[test]
 fn a_performance_is_kept_whole() {
-    let desk = Desk::new();
-    succeed(desk.tiny("short.mid -o run --json"));
-    let printed = desk.json("play short.mid --policy run -o out --json");
+    let sandbox = Sandbox::new();
+    succeed(sandbox.tiny("short.mid -o run --json"));
+    let printed = sandbox.json("play short.mid --policy run -o out --json");
 
-    let report: serde_json::Value = serde_json::from_slice(&desk.bytes("out/report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&sandbox.bytes("out/report.json")).unwrap();
     assert_eq!(report, printed);
     for key in [
         "precision",
@@ -34,55 +34,56 @@ fn a_performance_is_kept_whole() {
         assert!(report[key].is_number(), "{key} in {report}");
     }
 
-    let rows = csv(&desk.bytes("out/frames.csv"));
+    let rows = csv(&sandbox.bytes("out/frames.csv"));
     assert_eq!(rows[0], ["step", "due", "pressed"]);
     let steps = report["steps"].as_u64().unwrap() as usize;
     assert_eq!(rows.len(), 1 + steps);
     let pitches = |text: &String| text.split_whitespace().map(|p| p.parse().unwrap()).collect::<Vec<u8>>();
 
-    let recording = Recording::read(&desk.path("out/recording.mcap")).unwrap();
+    let recording = Recording::read(&sandbox.path("out/recording.mcap")).unwrap();
     assert!(recording.complete && recording.steps.len() == steps && recording.header.joints.len() == 13);
     for ((row, step), due) in rows[1..].iter().zip(&recording.steps).zip(&recording.header.due) {
         assert_eq!((&pitches(&row[1]), &pitches(&row[2])), (due, &step.pressed));
     }
     let strikes = recording.keys.iter().filter(|key| key.velocity > 0).count();
 
-    match Song::load(desk.path("out/performance.mid")) {
+    match Song::load(sandbox.path("out/performance.mid")) {
         Ok(played) => assert!(!played.notes().is_empty() && strikes > 0),
         Err(error) => assert!(strikes == 0 && error.to_string().contains("no notes"), "{error}"),
     }
 
-    let wav = desk.bytes("out/performance.wav");
+    let wav = sandbox.bytes("out/performance.wav");
     assert_eq!((&wav[..4], &wav[8..12], &wav[36..40]), (&b"RIFF"[..], &b"WAVE"[..], &b"data"[..]));
     let data = u32::from_le_bytes(wav[40..44].try_into().unwrap()) as usize;
     assert_eq!((wav.len(), u16::from_le_bytes([wav[34], wav[35]])), (44 + data, 16));
 
-    let text = desk.ok("play short.mid --policy run/policy-last.safetensors -o again");
+    let text = sandbox.ok("play short.mid --policy run/policy-last.safetensors -o again");
     assert!(text.contains("F1") && text.contains("again/performance.wav"), "{text}");
-    // The same policy, the same world: the same keys. And a run's own copy of the song is that song.
-    succeed(desk.command("play run/song.mid --policy run -o copy"));
-    assert_eq!(desk.bytes("out/frames.csv"), desk.bytes("copy/frames.csv"));
-    let output = desk.command("play run/song.mid --policy run -o copy").output().unwrap();
+    // The same policy, the same world: the same keys. And a run's own copy of the song is that
+    // song.
+    succeed(sandbox.command("play run/song.mid --policy run -o copy"));
+    assert_eq!(sandbox.bytes("out/frames.csv"), sandbox.bytes("copy/frames.csv"));
+    let output = sandbox.command("play run/song.mid --policy run -o copy").output().unwrap();
     assert_eq!(errors(&output), "");
-    check_elsewhere("check_performance.py", &[desk.path("out")]);
-    check_elsewhere("check_tfevents.py", &[desk.path("run")]);
+    check_elsewhere("check_performance.py", &[sandbox.path("out")]);
+    check_elsewhere("check_tfevents.py", &[sandbox.path("run")]);
 }
 
 #[test]
 fn a_run_is_found_by_its_song_and_a_damaged_one_does_not_hide_it() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     for run in ["runs/twinkle__mine", "runs/twinkle__bad"] {
-        std::fs::create_dir_all(desk.path(run)).unwrap();
+        std::fs::create_dir_all(sandbox.path(run)).unwrap();
     }
-    std::fs::copy(shipped("twinkle"), desk.path("runs/twinkle__mine/policy-best.safetensors")).unwrap();
-    std::fs::write(desk.path("runs/twinkle__bad/policy-best.safetensors"), "damaged").unwrap();
-    let report = desk.json("play twinkle --json");
+    std::fs::copy(shipped("twinkle"), sandbox.path("runs/twinkle__mine/policy-best.safetensors")).unwrap();
+    std::fs::write(sandbox.path("runs/twinkle__bad/policy-best.safetensors"), "damaged").unwrap();
+    let report = sandbox.json("play twinkle --json");
     assert!(report["player"].as_str().unwrap().contains("twinkle__mine"), "{report}");
-    assert!(desk.path("out/twinkle/performance.wav").is_file());
+    assert!(sandbox.path("out/twinkle/performance.wav").is_file());
 
     // One that has learned less than the sight-reader plays is passed over, and named.
-    succeed(desk.tiny("short.mid --json"));
-    let output = desk.command("play short.mid --json").output().unwrap();
+    succeed(sandbox.tiny("short.mid --json"));
+    let output = sandbox.command("play short.mid --json").output().unwrap();
     let said = errors(&output);
     assert!(
         said.contains("`short.mid` has a policy that plays ") && said.contains("short__fast__0"),
@@ -91,12 +92,12 @@ fn a_run_is_found_by_its_song_and_a_damaged_one_does_not_hide_it() {
     assert!(String::from_utf8_lossy(&output.stdout).contains("sight-reader"), "{said}");
     // Stopped before its first evaluation it has learned nothing: the sight-reader plays better.
     let never = "runs/short__fast__1";
-    succeed(desk.tiny(&format!(
+    succeed(sandbox.tiny(&format!(
         "short.mid --set trainer.evaluate_every_steps=1000 --minutes 0.0001 --out {never} --json"
     )));
-    assert!(desk.path(never).join("policy-last.safetensors").is_file());
-    std::fs::remove_dir_all(desk.path("runs/short__fast__0")).unwrap();
-    let report = desk.json("play short.mid --json");
+    assert!(sandbox.path(never).join("policy-last.safetensors").is_file());
+    std::fs::remove_dir_all(sandbox.path("runs/short__fast__0")).unwrap();
+    let report = sandbox.json("play short.mid --json");
     assert!(report["player"].as_str().unwrap().contains("sight-reader"), "{report}");
 }
 
@@ -128,29 +129,29 @@ pub(crate) fn read_elsewhere(script: &str, files: &[PathBuf]) -> Option<String> 
 /// What the score says is also what another program hears.
 #[test]
 fn the_sound_of_the_shipped_twinkle_has_its_onsets() {
-    let desk = Desk::new();
-    desk.ok("play twinkle -o out");
-    check_elsewhere("check_sound.py", &[desk.path("out")]);
+    let sandbox = Sandbox::new();
+    sandbox.ok("play twinkle -o out");
+    check_elsewhere("check_sound.py", &[sandbox.path("out")]);
 }
 
 #[test]
 fn of_equally_good_policies_that_of_a_run_plays() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let shipped = shipped("twinkle");
     assert_eq!(
-        desk.json("play twinkle -o out --json")["f1"],
-        desk.json(&format!("play twinkle --policy {} -o out --json", shipped.display()))["f1"]
+        sandbox.json("play twinkle -o out --json")["f1"],
+        sandbox.json(&format!("play twinkle --policy {} -o out --json", shipped.display()))["f1"]
     );
-    std::fs::create_dir_all(desk.path("runs/twinkle__mine")).unwrap();
-    std::fs::copy(shipped, desk.path("runs/twinkle__mine/policy-best.safetensors")).unwrap();
-    let player = desk.json("play twinkle -o out --json")["player"].as_str().unwrap().to_owned();
+    std::fs::create_dir_all(sandbox.path("runs/twinkle__mine")).unwrap();
+    std::fs::copy(shipped, sandbox.path("runs/twinkle__mine/policy-best.safetensors")).unwrap();
+    let player = sandbox.json("play twinkle -o out --json")["player"].as_str().unwrap().to_owned();
     assert!(player.contains("twinkle__mine"), "{player}");
 }
 
 #[test]
 fn the_scripted_player_needs_no_training() {
-    let desk = Desk::new();
-    let report = desk.json("play c-major-scale --scripted -o out --json");
+    let sandbox = Sandbox::new();
+    let report = sandbox.json("play c-major-scale --scripted -o out --json");
     assert!(report["f1"].as_f64().unwrap() > 0.93, "{report}");
     assert_eq!(report["player"], "scripted");
     assert!(report["limits"].as_str().unwrap().contains("notes"));

@@ -9,7 +9,8 @@ fn all() -> impl Iterator<Item = u32> {
     entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok())
 }
 
-/// A field of the status of a process, counted as in `man proc_pid_stat`: `ID (NAME) STATE PARENT …`.
+/// A field of the status of a process, counted as in `man proc_pid_stat`: `ID (NAME) STATE PARENT
+/// …`.
 fn status(id: u32, field: usize) -> Option<i64> {
     let text = std::fs::read_to_string(Path::new("/proc").join(id.to_string()).join("stat")).ok()?;
     text.rsplit_once(')')?.1.split_whitespace().nth(field - 3)?.parse().ok()

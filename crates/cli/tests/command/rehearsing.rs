@@ -1,4 +1,5 @@
-//! `etude record --excitation`, `identify` and `rehearse`: the way from a robot back to a simulator.
+//! `etude record --excitation`, `identify` and `rehearse`: the way from a robot back to a
+//! simulator.
 
 use std::process::{Command, Stdio};
 use std::thread::sleep;
@@ -6,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::{Desk, TINY, errors};
+use crate::{Sandbox, TINY, errors};
 
 /// Waits until `file` is there, then sends `signal` to the process.
 fn interrupt_at(mut command: Command, file: &std::path::Path, signal: &str) -> Option<i32> {
@@ -21,43 +22,43 @@ fn interrupt_at(mut command: Command, file: &std::path::Path, signal: &str) -> O
 
 #[test]
 fn the_rail_is_identified_from_its_excitation_and_an_interruption_changes_nothing() {
-    let desk = Desk::new();
-    desk.ok("record --robot twin --truth worn --excitation rail -o rail.mcap");
-    desk.ok("record --robot twin --truth worn --excitation rail --seed 1 -o again.mcap");
+    let sandbox = Sandbox::new();
+    sandbox.ok("record --robot twin --truth worn --excitation rail -o rail.mcap");
+    sandbox.ok("record --robot twin --truth worn --excitation rail --seed 1 -o again.mcap");
     let identify =
         |out: &str| format!("identify rail.mcap --held-out again.mcap --evaluations 30 -o {out} --json");
-    let report = desk.json(&identify("a"));
+    let report = sandbox.json(&identify("a"));
     for errors in ["fit_errors", "held_out_errors"] {
         let joints = report[errors]["joints"].as_array().unwrap();
         assert_eq!(joints.len(), 1, "only the rail moves: {joints:?}");
         let error = |when: &str| joints[0][when].as_f64().unwrap();
         assert!(error("after") < 0.3 * error("before"), "{errors}: {joints:?}");
     }
-    let code = interrupt_at(desk.command(&identify("b")), &desk.path("b/state.json"), "-INT");
+    let code = interrupt_at(sandbox.command(&identify("b")), &sandbox.path("b/state.json"), "-INT");
     assert_eq!(code, Some(3), "it says that it was interrupted");
-    desk.ok(&identify("b"));
-    assert_eq!(desk.bytes("a/identified.toml"), desk.bytes("b/identified.toml"));
-    interrupt_at(desk.command(&identify("c")), &desk.path("c/state.json"), "-KILL");
-    desk.ok(&identify("c"));
-    assert_eq!(desk.bytes("a/identified.toml"), desk.bytes("c/identified.toml"));
+    sandbox.ok(&identify("b"));
+    assert_eq!(sandbox.bytes("a/identified.toml"), sandbox.bytes("b/identified.toml"));
+    interrupt_at(sandbox.command(&identify("c")), &sandbox.path("c/state.json"), "-KILL");
+    sandbox.ok(&identify("c"));
+    assert_eq!(sandbox.bytes("a/identified.toml"), sandbox.bytes("c/identified.toml"));
     // Which part it is at, on standard error, also where that is no terminal.
-    let output = desk.command("identify rail.mcap --evaluations 30 -o d").output().unwrap();
+    let output = sandbox.command("identify rail.mcap --evaluations 30 -o d").output().unwrap();
     let said = errors(&output);
     assert!(said.contains("pass 1, joint by joint, ") && said.contains(" settled, 0:0"), "{said}");
     assert!(said.contains(" so far, at most about 0:"), "{said}");
     // What was identified is a layer of a training's settings.
-    let train = desk.tiny("short.mid --config a/identified.toml -o run --json").output().unwrap();
+    let train = sandbox.tiny("short.mid --config a/identified.toml -o run --json").output().unwrap();
     assert!(train.status.success(), "{}", errors(&train));
-    let config = String::from_utf8(desk.bytes("run/config.toml")).unwrap();
+    let config = String::from_utf8(sandbox.bytes("run/config.toml")).unwrap();
     assert!(config.contains("joint.rail.delay"), "{config}");
 }
 
 #[test]
 fn recordings_that_would_mislead_are_refused_with_the_reason() {
-    let desk = Desk::new();
-    desk.ok("record --robot twin --secs 3 -o rest.mcap");
-    desk.ok("play short.mid --scripted -o sim");
-    std::fs::write(desk.path("note.txt"), "no recording").unwrap();
+    let sandbox = Sandbox::new();
+    sandbox.ok("record --robot twin --secs 3 -o rest.mcap");
+    sandbox.ok("play short.mid --scripted -o sim");
+    std::fs::write(sandbox.path("note.txt"), "no recording").unwrap();
     for (args, said) in [
         ("identify rest.mcap", "it has no commands"),
         ("identify sim/recording.mcap", "what rig it was made on"),
@@ -67,7 +68,7 @@ fn recordings_that_would_mislead_are_refused_with_the_reason() {
         ("identify rest.mcap --method cma", "unknown variant `cma`, expected `lm` or `bo`"),
         ("record --robot twin --excitation dance -o x.mcap", "open-close, chirp, rail"),
     ] {
-        let output = desk.command(args).output().unwrap();
+        let output = sandbox.command(args).output().unwrap();
         assert!(!output.status.success(), "{args}");
         assert!(errors(&output).contains(said), "{args}: {}", errors(&output));
     }
@@ -76,9 +77,10 @@ fn recordings_that_would_mislead_are_refused_with_the_reason() {
 #[test]
 #[ignore = "takes minutes: `make test-heavy`, which .ci/run calls"]
 fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let rehearse = |out: &str| {
-        let mut command = desk.command("rehearse short.mid --robot twin --rounds 1 --runs 1 --evaluations 2");
+        let mut command =
+            sandbox.command("rehearse short.mid --robot twin --rounds 1 --runs 1 --evaluations 2");
         command.args(TINY.iter().flat_map(|set| ["--set", set])).args(["--json", "-o", out]);
         command
     };
@@ -90,8 +92,8 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     let rounds = finish("a");
     assert_eq!(rounds.len(), 2);
     assert!(rounds[0]["held_out_rad"].is_null() && rounds[1]["held_out_rad"][1].as_f64().unwrap() > 0.0);
-    assert!(desk.path(rounds[1]["recordings"][0].as_str().unwrap()).is_file());
-    let replay = |out: &str| desk.path(out).join("round-1/training/checkpoints/replay").exists();
+    assert!(sandbox.path(rounds[1]["recordings"][0].as_str().unwrap()).is_file());
+    let replay = |out: &str| sandbox.path(out).join("round-1/training/checkpoints/replay").exists();
     assert!(!replay("a"), "it takes up space");
     let places = [
         "round-0/training/run.lock",
@@ -101,7 +103,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
         "round-1/performance/run-1.mcap",
     ];
     for place in places {
-        interrupt_at(rehearse("b"), &desk.path("b").join(place), "-KILL");
+        interrupt_at(rehearse("b"), &sandbox.path("b").join(place), "-KILL");
     }
     let same = finish("b");
     for (round, same) in rounds.iter().zip(&same) {
@@ -111,7 +113,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
         }
     }
     let mut told =
-        desk.command("rehearse short.mid --robot twin --rounds 1 --runs 1 --evaluations 2 -o told");
+        sandbox.command("rehearse short.mid --robot twin --rounds 1 --runs 1 --evaluations 2 -o told");
     let said = told.args(TINY.iter().flat_map(|set| ["--set", set])).output().unwrap();
     for part in [
         "round 0 of 1: training, step ",
@@ -122,12 +124,16 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     }
     let mut kept = rehearse("kept");
     assert!(kept.arg("--keep-replay").output().unwrap().status.success() && replay("kept"));
-    let page = String::from_utf8(desk.bytes("b/rehearsal.html")).unwrap();
+    let page = String::from_utf8(sandbox.bytes("b/rehearsal.html")).unwrap();
     for round in 0..2 {
         let take = format!("round-{round}/performance/run-1.wav");
-        assert!(page.contains(&format!("src=\"{take}\"")) && desk.path("b").join(&take).is_file(), "{page}");
+        assert!(
+            page.contains(&format!("src=\"{take}\"")) && sandbox.path("b").join(&take).is_file(),
+            "{page}"
+        );
     }
-    // With drives that are fitted already only the keyboard is recorded, and a motion that is not fitted.
+    // With drives that are fitted already only the keyboard is recorded, and a motion that is not
+    // fitted.
     assert!(
         rehearse("drives")
             .args(["--simulator", "a/round-1/identified/identified.toml"])
@@ -137,23 +143,25 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
             .success()
     );
     let files =
-        std::fs::read_dir(desk.path("drives/excitation")).unwrap().map(|file| file.unwrap().file_name());
+        std::fs::read_dir(sandbox.path("drives/excitation")).unwrap().map(|file| file.unwrap().file_name());
     assert_eq!(
         files.collect::<std::collections::BTreeSet<_>>(),
         ["held-out.mcap", "keys.mcap"].map(Into::into).into()
     );
-    let changed = desk.command("rehearse short.mid --robot twin --rounds 1 --runs 2 -o a").output().unwrap();
+    let changed =
+        sandbox.command("rehearse short.mid --robot twin --rounds 1 --runs 2 -o a").output().unwrap();
     assert!(errors(&changed).contains("another rehearsal"), "{}", errors(&changed));
 }
 
-/// On the worn twin joint mirroring has half of Twinkle's notes; what the joints and the fingers missed is learned in two minutes of playing.
+/// On the worn twin joint mirroring has half of Twinkle's notes; what the joints and the fingers
+/// missed is learned in two minutes of playing.
 #[test]
 fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let rehearse = |out: &str| {
         let rest = "--truth worn --rounds 0 --runs 2 --set task.plan.latency_compensation_secs=0.08";
-        let mut command = desk.command(&format!("rehearse twinkle --robot twin {rest} --json"));
-        command.current_dir(desk.path(out)).args(["-o", "there"]);
+        let mut command = sandbox.command(&format!("rehearse twinkle --robot twin {rest} --json"));
+        command.current_dir(sandbox.path(out)).args(["-o", "there"]);
         command
     };
     let adapt = |out: &str| {
@@ -168,7 +176,7 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     };
     let finish = |out: &str| report_of(adapt(out));
     for out in ["a", "b"] {
-        std::fs::create_dir(desk.path(out)).unwrap();
+        std::fs::create_dir(sandbox.path(out)).unwrap();
     }
     let report = finish("a");
     let adapted = &report["adapted"];
@@ -184,7 +192,7 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
 
     // The rehearsal alone keeps on its page what was learned.
     assert_eq!(report_of(rehearse("a")), report);
-    let page = String::from_utf8(desk.bytes("a/there/rehearsal.html")).unwrap();
+    let page = String::from_utf8(sandbox.bytes("a/there/rehearsal.html")).unwrap();
     for part in [
         "Learned on the robot itself",
         "href=\"adaptation/run-02/run-1.html\"",
@@ -196,7 +204,7 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
 
     for place in ["run-01/run-1.mcap", "run-02/adapted.json", "run-07/adapted.json", "performance/run-2.mcap"]
     {
-        interrupt_at(adapt("b"), &desk.path("b/there/adaptation").join(place), "-KILL");
+        interrupt_at(adapt("b"), &sandbox.path("b/there/adaptation").join(place), "-KILL");
     }
     // And at any other moment; the times are spread over its duration and the same in each run.
     for kill in 0_u64..8 {
@@ -207,19 +215,19 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     }
     assert_eq!(finish("b"), report);
     let correction = "there/adaptation/correction.json";
-    assert_eq!(desk.bytes(format!("a/{correction}")), desk.bytes(format!("b/{correction}")));
+    assert_eq!(sandbox.bytes(format!("a/{correction}")), sandbox.bytes(format!("b/{correction}")));
     let other = adapt("b").args(["--seed", "7"]).output().unwrap();
     assert!(errors(&other).contains("another"), "{}", errors(&other));
 
     let perform = |song: &str, rest: &str| {
         let truth = if rest.contains("--truth") { "" } else { "--truth worn" };
         let line = format!("perform {song} {truth} --correction {correction} --json {rest}");
-        let output = desk.command(&line).current_dir(desk.path("a")).output().unwrap();
+        let output = sandbox.command(&line).current_dir(sandbox.path("a")).output().unwrap();
         (serde_json::from_slice::<Value>(&output.stdout).unwrap_or_default(), errors(&output))
     };
     let (again, said) = perform("twinkle", "");
     assert!(again["notes_right"].as_f64().unwrap() >= 13.0 && again["mode"] == "joint-mirroring", "{said}");
-    assert!(desk.path("a/out/twinkle-joint-mirroring-worn-corrected").is_dir(), "{said}");
+    assert!(sandbox.path("a/out/twinkle-joint-mirroring-worn-corrected").is_dir(), "{said}");
     let refused = [
         ("c-major-scale", "", "the correction is for Twinkle Twinkle Little Star, not for"),
         (
@@ -238,29 +246,31 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
         let (_, said) = perform(song, rest);
         assert!(said.contains(why), "{said}");
     }
-    std::fs::write(desk.path("a").join(correction), "{").unwrap();
+    std::fs::write(sandbox.path("a").join(correction), "{").unwrap();
     let (_, said) = perform("twinkle", "");
     assert!(said.contains("correction.json is damaged"), "{said}");
 }
 
 #[test]
 fn an_adaptation_after_rounds_in_hybrid_execution_plays_in_it() {
-    let desk = Desk::new();
-    let output = desk
+    let sandbox = Sandbox::new();
+    let output = sandbox
         .ok("rehearse twinkle --robot twin --mode hybrid --rounds 0 --runs 1 --adapt 0.1 --json -o there");
     let report: Value = serde_json::from_str(&output).unwrap();
     assert_eq!(report["adapted"]["mode"], "hybrid");
-    let again = desk.ok("perform twinkle --robot twin --correction there/adaptation/correction.json --json");
+    let again =
+        sandbox.ok("perform twinkle --robot twin --correction there/adaptation/correction.json --json");
     assert_eq!(serde_json::from_str::<Value>(&again).unwrap()["mode"], "hybrid");
 }
 
-/// With a corpus the rounds continue the sight-reader for all songs; the song is what the robot plays.
+/// With a corpus the rounds continue the sight-reader for all songs; the song is what the robot
+/// plays.
 #[test]
 #[ignore = "takes a minute: `make test-heavy`, which .ci/run calls"]
 fn the_sight_reader_is_adapted_once_for_all_songs() {
-    let desk = Desk::new();
-    let mut command =
-        desk.command("rehearse short.mid --preset sight-reader --rounds 1 --runs 1 --evaluations 2 --json");
+    let sandbox = Sandbox::new();
+    let mut command = sandbox
+        .command("rehearse short.mid --preset sight-reader --rounds 1 --runs 1 --evaluations 2 --json");
     let sets = ["trainer.total_steps=400", "trainer.warmup_steps=100", "corpus.validation_pieces=1"];
     let output = command.args(sets.iter().flat_map(|set| ["--set", set])).output().unwrap();
     assert!(output.status.success(), "{}", errors(&output));
@@ -272,14 +282,14 @@ fn the_sight_reader_is_adapted_once_for_all_songs() {
     let training = "out/rehearse-sight-reader/round-1/training";
     assert!(rounds[1]["policy"].as_str().unwrap().starts_with(training), "{rounds:?}");
     // It learned the corpus, in the fitted simulator.
-    assert!(!desk.path(training).join("song.mid").exists());
-    let config = String::from_utf8(desk.bytes(format!("{training}/config.toml"))).unwrap();
+    assert!(!sandbox.path(training).join("song.mid").exists());
+    let config = String::from_utf8(sandbox.bytes(format!("{training}/config.toml"))).unwrap();
     assert!(config.contains("[corpus]") && config.contains("joint.rail.delay"), "{config}");
     let lead = |round: usize| rounds[round]["latency_compensation_secs"].as_f64().unwrap();
     let late = rounds[1]["lag_secs"].as_f64().unwrap();
     assert!((0.0..=0.25).contains(&lead(1)) && lead(1) != 0.025 && late.abs() < 0.03, "{rounds:?}");
     // It plays other songs too.
     let lead = format!("task.plan.latency_compensation_secs={}", lead(1));
-    let report = desk.json(&format!("perform twinkle --policy {training} --set {lead} -o twinkle --json"));
+    let report = sandbox.json(&format!("perform twinkle --policy {training} --set {lead} -o twinkle --json"));
     assert!(report["notes_right"].as_f64().unwrap() > 7.0, "{report}");
 }

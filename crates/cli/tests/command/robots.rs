@@ -1,17 +1,18 @@
-//! `etude perform`, `robot`, `record` and `twin`: a robot that is not there, driven as a real one is.
+//! `etude perform`, `robot`, `record` and `twin`: a robot that is not there, driven as a real one
+//! is.
 
 use crate::playing::check_elsewhere;
-use crate::{Desk, errors};
+use crate::{Sandbox, errors};
 use etude_perform::Recording;
 
 const MODES: [&str; 3] = ["joint-mirroring", "hybrid", "real"];
 
 #[test]
 fn every_mode_plays_on_the_twin() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     for mode in MODES {
         let args = format!("perform short.mid --scripted --mode {mode} --robot twin -o {mode} --json");
-        let report = desk.json(&args);
+        let report = sandbox.json(&args);
         let f1 = |key: &str| report[key].as_f64().unwrap();
         assert!((f1("gap") - (1.0 - f1("robot_f1") / f1("sim_f1"))).abs() < 1e-12);
         assert!(f1("robot_f1") > 0.5 && f1("sim_f1") > 0.8, "{mode}: {report}");
@@ -22,18 +23,18 @@ fn every_mode_plays_on_the_twin() {
         let run = &report["runs"][0];
         assert_eq!((&run["ending"], &run["timing"]["missed"]), (&"complete".into(), &0.into()));
         assert_eq!(run["alongside_f1"].is_null(), mode == "real");
-        let recording = Recording::read(&desk.path(format!("{mode}/run-1.mcap"))).unwrap();
+        let recording = Recording::read(&sandbox.path(format!("{mode}/run-1.mcap"))).unwrap();
         let steps = run["steps"][0].as_u64().unwrap() as usize;
         assert!(recording.complete && recording.steps.len() == steps && recording.policy.len() == steps);
         assert!(recording.setpoints.len() > 10 * steps && recording.hand.len() > 16 * steps);
         assert!(recording.notes.iter().any(|(_, note)| note.text == "following"));
-        check_elsewhere("check_robot_recording.py", &[desk.path(mode)]);
+        check_elsewhere("check_robot_recording.py", &[sandbox.path(mode)]);
     }
 }
 
 #[test]
 fn each_robot_has_a_folder_of_its_own() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     for (args, folder) in [
         ("", "short-scripted-real"),
         ("--truth worn", "short-scripted-real-worn"),
@@ -41,16 +42,16 @@ fn each_robot_has_a_folder_of_its_own() {
         ("--fault joint-dead=5@30", "short-scripted-real-joint-dead-5-30"),
         ("--mode hybrid", "short-scripted-hybrid"),
     ] {
-        let seen = std::fs::read_dir(desk.path("out")).map_or(0, Iterator::count);
-        desk.ok(&format!("perform short.mid --scripted {args}"));
-        assert!(desk.path("out").join(folder).join("run-1.mcap").is_file(), "{folder}");
-        assert_eq!(std::fs::read_dir(desk.path("out")).unwrap().count(), seen + 1, "{args}");
+        let seen = std::fs::read_dir(sandbox.path("out")).map_or(0, Iterator::count);
+        sandbox.ok(&format!("perform short.mid --scripted {args}"));
+        assert!(sandbox.path("out").join(folder).join("run-1.mcap").is_file(), "{folder}");
+        assert_eq!(std::fs::read_dir(sandbox.path("out")).unwrap().count(), seen + 1, "{args}");
     }
 }
 
 #[test]
 fn notes_are_on_time_by_a_run_before_or_by_the_proposed_lead() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let args = "perform twinkle --scripted --mode joint-mirroring --robot twin -o played";
     let is_on_time = |report: &serde_json::Value| {
         let late = report["runs"][0]["onset_error_median_secs"].as_f64().unwrap();
@@ -58,48 +59,51 @@ fn notes_are_on_time_by_a_run_before_or_by_the_proposed_lead() {
         assert!(late.abs() <= 0.015 && lead > 0.08, "{late} s with a lead of {lead} s");
         lead
     };
-    let output = desk.command(args).output().unwrap();
+    let output = sandbox.command(args).output().unwrap();
     assert!(errors(&output).contains("run to measure how late the notes are"), "{}", errors(&output));
     assert!(errors(&output).contains("from now on the plan leads by"), "{}", errors(&output));
     // The run that measures is none of those that are kept.
-    assert!(desk.path("played/run-1.mcap").is_file() && !desk.path("played/run-2.mcap").exists());
-    let report = std::fs::read(desk.path("played/report.json")).unwrap();
+    assert!(sandbox.path("played/run-1.mcap").is_file() && !sandbox.path("played/run-2.mcap").exists());
+    let report = std::fs::read(sandbox.path("played/report.json")).unwrap();
     is_on_time(&serde_json::from_slice(&report).unwrap());
 
-    let said = desk.ok(&format!("{args} --set task.plan.latency_compensation_secs=0.025"));
+    let said = sandbox.ok(&format!("{args} --set task.plan.latency_compensation_secs=0.025"));
     let lead = said
         .lines()
         .find_map(|line| line.split_once("--set task.plan.latency_compensation_secs="))
         .expect(&said)
         .1;
-    let report = desk.json(&format!("{args} --set task.plan.latency_compensation_secs={lead} --json"));
+    let report = sandbox.json(&format!("{args} --set task.plan.latency_compensation_secs={lead} --json"));
     assert_eq!(is_on_time(&report), lead.parse::<f64>().unwrap());
 }
 
 #[test]
 fn the_same_seed_gives_the_same_recording_byte_for_byte() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let play = |out: &str, more: &str| {
-        desk.ok(&format!("perform short.mid --scripted --mode hybrid --robot twin -o {out} {more}"));
+        sandbox.ok(&format!("perform short.mid --scripted --mode hybrid --robot twin -o {out} {more}"));
     };
     play("a", "--runs 2 --seed 5");
     play("b", "--seed 6");
-    assert!(desk.bytes("a/run-2.mcap") == desk.bytes("b/run-1.mcap"), "seed 5, second run, is seed 6");
-    assert!(desk.bytes("a/run-1.mcap") != desk.bytes("a/run-2.mcap"), "runs differ as they do on a robot");
-    assert_eq!(desk.bytes("a/run-2.mid"), desk.bytes("b/run-1.mid"));
+    assert!(sandbox.bytes("a/run-2.mcap") == sandbox.bytes("b/run-1.mcap"), "seed 5, second run, is seed 6");
+    assert!(
+        sandbox.bytes("a/run-1.mcap") != sandbox.bytes("a/run-2.mcap"),
+        "runs differ as they do on a robot"
+    );
+    assert_eq!(sandbox.bytes("a/run-2.mid"), sandbox.bytes("b/run-1.mid"));
 }
 
 #[test]
 fn mistakes_are_told_before_anything_moves() {
-    let desk = Desk::new();
-    std::fs::write(desk.path("bad.toml"), "name = \"x\"\n[limits]\nrail_velocity = -1.0\n").unwrap();
-    std::fs::write(desk.path("lab.toml"), "name = \"lab\"\n").unwrap();
+    let sandbox = Sandbox::new();
+    std::fs::write(sandbox.path("bad.toml"), "name = \"x\"\n[limits]\nrail_velocity = -1.0\n").unwrap();
+    std::fs::write(sandbox.path("lab.toml"), "name = \"lab\"\n").unwrap();
     let old = "schema = 1\nrig = \"lab\"\narm_serial = \"x\"\n[[points]]\npitch = 60\nrail_m = 0.0\n\
                position_mm = [485.0, 0.0, 170.0]\norientation_deg = [0.0, 0.0, 0.0]\nshown_unix_secs = 1\n";
-    std::fs::write(desk.path("old.calibration.toml"), old).unwrap();
-    std::fs::write(desk.path("old.toml"), "name = \"lab\"\n").unwrap();
+    std::fs::write(sandbox.path("old.calibration.toml"), old).unwrap();
+    std::fs::write(sandbox.path("old.toml"), "name = \"lab\"\n").unwrap();
     let fenced = "name = \"lab\"\n[arm]\nfence_mm = [[300, 300], [-400, 400], [100, 700]]\n";
-    std::fs::write(desk.path("fenced.toml"), fenced).unwrap();
+    std::fs::write(sandbox.path("fenced.toml"), fenced).unwrap();
     for (args, said) in [
         ("perform short.mid --scripted --robot nowhere.toml", "nowhere.toml"),
         ("perform short.mid --scripted --robot bad.toml", "velocity limit -1"),
@@ -119,7 +123,7 @@ fn mistakes_are_told_before_anything_moves() {
         ("robot stop --robot lab.toml", "hardware stop"),
         ("record --robot twin -o r.mcap", "--secs"),
     ] {
-        let output = desk.command(args).output().unwrap();
+        let output = sandbox.command(args).output().unwrap();
         let text = errors(&output) + &String::from_utf8_lossy(&output.stdout);
         assert!(
             !output.status.success() && text.contains(said) && !text.contains("panicked"),
@@ -131,17 +135,17 @@ fn mistakes_are_told_before_anything_moves() {
 /// What is ordered happens, is told, and is in the recording.
 #[test]
 fn an_ordered_fault_cuts_the_performance_short() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     for (fault, said) in [("can-bus-off@10.5", "`ip link set can0 down`"), ("arm-error=31@10.5", "error 31")]
     {
         let play = format!("perform short.mid --scripted --robot twin --fault {fault} -o f");
-        let output = desk.command(&play).output().unwrap();
+        let output = sandbox.command(&play).output().unwrap();
         let text = errors(&output);
         assert!(
             !output.status.success() && text.contains("ended with a fault") && text.contains(said),
             "{text}"
         );
-        let recording = Recording::read(&desk.path("f/run-1.mcap")).unwrap();
+        let recording = Recording::read(&sandbox.path("f/run-1.mcap")).unwrap();
         let note = recording.notes.iter().find(|(_, note)| note.kind == "fault");
         assert!(
             note.is_some_and(|(_, note)| note.text.contains(said) || note.text.contains("arm")),
@@ -152,8 +156,8 @@ fn an_ordered_fault_cuts_the_performance_short() {
 
 #[test]
 fn a_robot_at_rest_can_be_recorded() {
-    let desk = Desk::new();
-    desk.ok("record --robot twin --secs 1 -o rest.mcap");
-    let recording = Recording::read(&desk.path("rest.mcap")).unwrap();
+    let sandbox = Sandbox::new();
+    sandbox.ok("record --robot twin --secs 1 -o rest.mcap");
+    let recording = Recording::read(&sandbox.path("rest.mcap")).unwrap();
     assert!(recording.complete && recording.hand.len() > 300 && recording.setpoints.len() >= 200);
 }

@@ -1,8 +1,10 @@
-//! The Slurm launcher against a real Slurm of one node, which the test starts: a stopped trial saves itself and is
-//! requeued, one that was killed half way goes on too, and the results are those of the local launcher, byte for byte.
+//! The Slurm launcher against a real Slurm of one node, which the test starts: a stopped trial
+//! saves itself and is requeued, one that was killed half way goes on too, and the results are
+//! those of the local launcher, byte for byte.
 //!
-//! Needs `slurmctld`, `slurmd`, `sbatch` and `munged`, and root, without which `slurmd` starts no jobs (Debian, Ubuntu:
-//! `apt-get install -y --no-install-recommends slurmctld slurmd slurm-client munge`).
+//! Needs `slurmctld`, `slurmd`, `sbatch` and `munged`, and root, without which `slurmd` starts no
+//! jobs (Debian, Ubuntu: `apt-get install -y --no-install-recommends slurmctld slurmd slurm-client
+//! munge`).
 
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -12,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use crate::experiments::{FOUR, results, tiny};
 use crate::processes::{self, with_arguments};
-use crate::{Desk, errors};
+use crate::{Sandbox, errors};
 
 /// How long anything of the cluster's may take.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -157,12 +159,12 @@ impl Drop for Cluster {
 #[test]
 fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
     let Some(cluster) = Cluster::start() else { return };
-    let desk = Desk::new();
-    std::fs::write(desk.path("four.toml"), FOUR).unwrap();
+    let sandbox = Sandbox::new();
+    std::fs::write(sandbox.path("four.toml"), FOUR).unwrap();
     // Long enough to be stopped on its way.
     let longer = ["trainer.total_steps=16000", "trainer.evaluate_every_steps=2000"];
     let run = |args: &str| {
-        let mut command = tiny(&desk, &format!("experiment run four.toml {args}"));
+        let mut command = tiny(&sandbox, &format!("experiment run four.toml {args}"));
         command.args(longer.iter().flat_map(|set| ["--set", set])).env("SLURM_CONF", cluster.config());
         let output = command.output().unwrap();
         assert!(output.status.success(), "{}", errors(&output));
@@ -171,8 +173,9 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
     run("--runs here");
     let said = run("--runs there --launcher slurm --time 00:20:00");
     let job = said.trim_start_matches("job ").split(':').next().unwrap().to_string();
-    let plan =
-        tiny(&desk, "experiment plan four.toml").args(longer.iter().flat_map(|set| ["--set", set])).output();
+    let plan = tiny(&sandbox, "experiment plan four.toml")
+        .args(longer.iter().flat_map(|set| ["--set", set]))
+        .output();
     let ids: Vec<String> = String::from_utf8(plan.unwrap().stdout)
         .unwrap()
         .lines()
@@ -180,13 +183,13 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
             serde_json::from_str::<serde_json::Value>(line).unwrap()["id"].as_str().unwrap().to_string()
         })
         .collect();
-    let metrics = |task: usize| desk.path("there").join(&ids[task]).join("training/metrics.jsonl");
+    let metrics = |task: usize| sandbox.path("there").join(&ids[task]).join("training/metrics.jsonl");
     let evaluated =
         |task: usize| std::fs::read_to_string(metrics(task)).is_ok_and(|text| text.contains("eval/"));
     cluster.wait("the first two trials are half way", || evaluated(0) && evaluated(1));
-    // One is killed; the other is told that its time is up, saves itself and asks to be requeued. `scancel` goes on telling it, so
-    // nobody waits for it.
-    let runs = desk.path("there").display().to_string();
+    // One is killed; the other is told that its time is up, saves itself and asks to be requeued.
+    // `scancel` goes on telling it, so nobody waits for it.
+    let runs = sandbox.path("there").display().to_string();
     let killed = with_arguments(&["1", "--runs", &runs]);
     assert!(!killed.is_empty(), "the second trial is running");
     killed.into_iter().for_each(|task| processes::signal(task, "KILL"));
@@ -207,6 +210,6 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
         cluster.begin_now();
         cluster.say("squeue", &["-h"]).trim().is_empty()
     });
-    assert!(results(&desk, "there") == results(&desk, "here"));
+    assert!(results(&sandbox, "there") == results(&sandbox, "here"));
     assert!(run("--runs there --launcher slurm").contains("all trials are done"));
 }

@@ -2,13 +2,13 @@
 
 use etude_music::{Note, Song};
 
-use crate::{Desk, TINY, csv, errors};
+use crate::{Sandbox, TINY, csv, errors};
 
 #[test]
 fn all_seven_are_listed_with_the_papers_lengths() {
-    let desk = Desk::new();
-    let text = desk.ok("songs");
-    let list = desk.json("songs --json");
+    let sandbox = Sandbox::new();
+    let text = sandbox.ok("songs");
+    let list = sandbox.json("songs --json");
     let found: Vec<(&str, u64)> = list
         .as_array()
         .unwrap()
@@ -38,10 +38,10 @@ fn all_seven_are_listed_with_the_papers_lengths() {
 
 #[test]
 fn a_song_is_shown_and_its_frames_are_written() {
-    let desk = Desk::new();
-    let text = desk.ok("songs show twinkle --frames f.csv");
+    let sandbox = Sandbox::new();
+    let text = sandbox.ok("songs show twinkle --frames f.csv");
     assert!(text.contains("Twinkle") && text.contains("bar   1"), "{text}");
-    let rows = csv(&desk.bytes("f.csv"));
+    let rows = csv(&sandbox.bytes("f.csv"));
     assert_eq!(rows[0], ["step", "due"]);
     assert_eq!(rows.len(), 1 + 181);
     assert!(rows[1..].iter().enumerate().all(|(step, row)| row[0] == step.to_string() && row.len() == 2));
@@ -50,20 +50,21 @@ fn a_song_is_shown_and_its_frames_are_written() {
     assert_eq!(rows[21][1], "60");
 
     // Another configuration plans other frames.
-    desk.ok("songs show twinkle --frames p.csv --preset paper");
-    let papers = csv(&desk.bytes("p.csv"));
+    sandbox.ok("songs show twinkle --frames p.csv --preset paper");
+    let papers = csv(&sandbox.bytes("p.csv"));
     assert_eq!(papers.len(), rows.len());
     assert_ne!(papers, rows, "RoboPianist's rule is another");
-    let text = desk.ok("songs show twinkle --set task.initial_silence_secs=0");
+    let text = sandbox.ok("songs show twinkle --set task.initial_silence_secs=0");
     assert!(text.contains(" 161 frames with 0 s of silence first"), "{text}");
 
     // Keys that are struck together, and how many beats they last.
-    let chords = desk.ok("songs show chord-progression");
+    let chords = sandbox.ok("songs show chord-progression");
     assert!(chords.contains("  bar   2  F4+A4+C5 4\n"), "{chords}");
 
-    let shown = desk.json("songs show short.mid --json --reference short.wav");
+    let shown = sandbox.json("songs show short.mid --json --reference short.wav");
     assert!(
-        desk.bytes("short.wav").starts_with(b"RIFF") && desk.bytes("short.wav").iter().any(|byte| *byte > 1)
+        sandbox.bytes("short.wav").starts_with(b"RIFF")
+            && sandbox.bytes("short.wav").iter().any(|byte| *byte > 1)
     );
     let bars = shown["bars"].as_array().unwrap();
     assert_eq!((&bars[0]["bar"], &bars[0]["secs"]), (&1.into(), &0.0.into()));
@@ -76,10 +77,10 @@ fn a_song_is_shown_and_its_frames_are_written() {
 
 #[test]
 fn notes_that_the_hand_cannot_play_as_written_are_named_with_their_place() {
-    let desk = Desk::new();
-    let text = desk.ok("songs show d-major-scale");
+    let sandbox = Sandbox::new();
+    let text = sandbox.ok("songs show d-major-scale");
     assert!(text.contains("With three fingers: 15 notes, ") && text.contains("ends 0."), "{text}");
-    let shown = desk.json("songs show d-major-scale --json");
+    let shown = sandbox.json("songs show d-major-scale --json");
     let limits = shown["fingering"]["limits"].as_array().unwrap();
     assert!(!limits.is_empty());
     let song = etude_music::repertoire::get("d-major-scale").unwrap();
@@ -93,24 +94,24 @@ fn notes_that_the_hand_cannot_play_as_written_are_named_with_their_place() {
 }
 
 /// Writes notes (start, length, pitch) as a song.
-fn write(desk: &Desk, name: &str, notes: impl IntoIterator<Item = (f64, f64, u8)>) {
+fn write(sandbox: &Sandbox, name: &str, notes: impl IntoIterator<Item = (f64, f64, u8)>) {
     let note =
         |(start_secs, secs, pitch)| Note { pitch, start_secs, end_secs: start_secs + secs, velocity: 80 };
     let notes: Vec<Note> = notes.into_iter().map(note).collect();
     let secs = notes.iter().map(|note| note.end_secs).fold(0.0, f64::max);
-    Song::new("Song", notes, secs).unwrap().save(desk.path(name)).unwrap();
+    Song::new("Song", notes, secs).unwrap().save(sandbox.path(name)).unwrap();
 }
 
 #[test]
 fn what_is_too_fast_for_the_hand_is_named_with_its_place() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     // Three octaves up and back within half a second, in the second bar.
     write(
-        &desk,
+        &sandbox,
         "leap.mid",
         [(0.0, 1.9, 48), (2.0, 0.4, 50), (2.5, 0.2, 84), (2.75, 1.0, 50), (3.75, 0.25, 52)],
     );
-    let text = desk.ok("songs show leap.mid");
+    let text = sandbox.ok("songs show leap.mid");
     let place = "bar 2, beat 2 (2.50 s)";
     assert!(
         text.contains("1.2 notes a second; 3 in the busiest, which begins at bar 2, beat 1 (2.00 s)\n"),
@@ -126,27 +127,27 @@ fn what_is_too_fast_for_the_hand_is_named_with_its_place() {
         text.contains(&format!("{place}: C6 is skipped: ")) && text.contains(" mm from D3, too far"),
         "{text}"
     );
-    let shown = desk.json("songs show leap.mid --json");
+    let shown = sandbox.json("songs show leap.mid --json");
     assert_eq!(shown["busiest_second"]["notes"], 3);
     assert_eq!(shown["fingering"]["limits"][0]["leap"], true);
 
     // Where the fingers need more time than the rail, there is no leap.
-    let text = desk.ok("songs show chord-progression --set task.change_steps=3");
+    let text = sandbox.ok("songs show chord-progression --set task.change_steps=3");
     assert!(text.contains("11 notes, ") && !text.contains("Leaps"), "{text}");
 }
 
 /// Repeats that are quicker than control steps are one stroke; the notes are counted all the same.
 #[test]
 fn the_counts_of_a_song_agree() {
-    let desk = Desk::new();
-    write(&desk, "quick.mid", (0..40).map(|index| (0.04 * f64::from(index), 0.035, 60)));
-    let text = desk.ok("songs show quick.mid");
+    let sandbox = Sandbox::new();
+    write(&sandbox, "quick.mid", (0..40).map(|index| (0.04 * f64::from(index), 0.035, 60)));
+    let text = sandbox.ok("songs show quick.mid");
     assert!(text.contains("\n40 notes from C4 to C4, "), "{text}");
     assert!(
         text.contains("With three fingers: 40 notes, ")
             && text.contains(" too soon after one of the same key")
     );
-    let warnings = desk.json("songs show quick.mid --json")["warnings"].as_array().unwrap().len();
+    let warnings = sandbox.json("songs show quick.mid --json")["warnings"].as_array().unwrap().len();
     let printed = text.lines().filter(|line| line.starts_with("warning: ")).count();
     assert!(
         printed == 12 && text.contains(&format!("  … and {} more: --json has all", warnings - 12)),
@@ -155,15 +156,15 @@ fn the_counts_of_a_song_agree() {
 }
 
 /// Writes a song whose fingering takes seconds to plan.
-pub fn write_slow(desk: &Desk, name: &str) {
+pub fn write_slow(sandbox: &Sandbox, name: &str) {
     let chord = |index: u8| [0, 3, 6, 9, 13].map(|up| (0.4 * f64::from(index), 0.3, 48 + index % 8 + up));
-    write(desk, name, (0..80).flat_map(chord));
+    write(sandbox, name, (0..80).flat_map(chord));
 }
 
 #[test]
 fn planning_that_takes_long_says_how_far_it_is() {
-    let desk = Desk::new();
-    write_slow(&desk, "chords.mid");
+    let sandbox = Sandbox::new();
+    write_slow(&sandbox, "chords.mid");
     let train = TINY.iter().map(|set| format!(" --set {set}")).collect::<String>();
     for verb in [
         "songs show chords.mid",
@@ -175,20 +176,20 @@ fn planning_that_takes_long_says_how_far_it_is() {
         // What is learned in so short a time may push until the twin is stopped.
         "perform chords.mid",
     ] {
-        let output = desk.command(verb).output().unwrap();
+        let output = sandbox.command(verb).output().unwrap();
         assert!(output.status.success() || verb.starts_with("perform"), "{verb}: {}", errors(&output));
         assert!(errors(&output).contains("planning the fingering, "), "{verb}: {}", errors(&output));
     }
-    let output = desk.command("songs show chords.mid --json").output().unwrap();
+    let output = sandbox.command("songs show chords.mid --json").output().unwrap();
     assert_eq!(errors(&output), "");
 }
 
 #[test]
 fn a_song_that_does_not_fit_is_arranged() {
-    let desk = Desk::new();
-    desk.write_song("high.mid", [84, 86, 91]);
+    let sandbox = Sandbox::new();
+    sandbox.write_song("high.mid", [84, 86, 91]);
     let refused = |args: &str| {
-        let output = desk.command(args).output().unwrap();
+        let output = sandbox.command(args).output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{args}");
         errors(&output)
     };
@@ -197,35 +198,36 @@ fn a_song_that_does_not_fit_is_arranged() {
         advice.contains("-12 keeps its key: `etude songs arrange FILE.mid --transpose -12 -o NEW.mid`"),
         "{advice}"
     );
-    let shown = desk.command("songs show high.mid").output().unwrap();
+    let shown = sandbox.command("songs show high.mid").output().unwrap();
     let shown = String::from_utf8(shown.stdout).unwrap();
     assert!(shown.contains("3 notes from C6 to G6") && !shown.contains("frames"), "{shown}");
-    write(&desk, "two-hands.mid", [(0.0, 2.0, 48), (0.0, 0.9, 72), (1.0, 0.9, 74)]);
-    desk.ok("songs arrange two-hands.mid --melody -o melody.mid");
-    let melody = desk.json("songs show melody.mid --json");
+    write(&sandbox, "two-hands.mid", [(0.0, 2.0, 48), (0.0, 0.9, 72), (1.0, 0.9, 74)]);
+    sandbox.ok("songs arrange two-hands.mid --melody -o melody.mid");
+    let melody = sandbox.json("songs show melody.mid --json");
     assert_eq!((&melody["notes"], &melody["lowest"]), (&2.into(), &72.into()));
-    // Two octaves up and down are too far for the time, and more than an octave together too wide. Of what would fit it shows how to write
-    // it, and that holds.
-    write(&desk, "leaps.mid", (0..6).map(|index: u8| (0.4 * f64::from(index), 0.35, 48 + index % 2 * 24)));
-    write(&desk, "wide.mid", (0..8).map(|index: u8| (f64::from(index / 2), 0.9, 52 + index % 2 * 20)));
+    // Two octaves up and down are too far for the time, and more than an octave together too wide.
+    // Of what would fit it shows how to write it, and that holds.
+    write(&sandbox, "leaps.mid", (0..6).map(|index: u8| (0.4 * f64::from(index), 0.35, 48 + index % 2 * 24)));
+    write(&sandbox, "wide.mid", (0..8).map(|index: u8| (f64::from(index / 2), 0.9, 52 + index % 2 * 20)));
     for (song, option) in [("leaps.mid", "--stretch"), ("wide.mid", "--melody")] {
-        let shown = desk.json(&format!("songs show {song} --json"));
+        let shown = sandbox.json(&format!("songs show {song} --json"));
         let easier = &shown["easier"];
         assert_eq!(easier["left_out"], 0, "{song}: {easier}");
-        let said = desk.ok(&format!("songs show {song}"));
+        let said = sandbox.ok(&format!("songs show {song}"));
         let command = said.split("Arranged by `etude ").nth(1).and_then(|rest| rest.split('`').next());
         let command = command.unwrap_or_else(|| panic!("{said}"));
         assert!(command.contains(option), "{command}");
-        desk.ok(command);
-        let arranged = desk.json("songs show easier.mid --json");
+        sandbox.ok(command);
+        let arranged = sandbox.json("songs show easier.mid --json");
         assert_eq!(arranged["notes"], easier["notes"]);
         assert_eq!(arranged["at_sight"]["notes_right"], arranged["notes"], "{arranged}");
         assert!(arranged["easier"].is_null(), "there is nothing to gain");
-        std::fs::remove_file(desk.path("easier.mid")).unwrap();
+        std::fs::remove_file(sandbox.path("easier.mid")).unwrap();
     }
-    let said = desk.ok("songs arrange high.mid --transpose -12 --stretch 2 -o low.mid");
+    let said = sandbox.ok("songs arrange high.mid --transpose -12 --stretch 2 -o low.mid");
     assert!(said.contains("etude train low.mid"), "{said}");
-    let (high, low) = (desk.json("songs show short.mid --json"), desk.json("songs show low.mid --json"));
+    let (high, low) =
+        (sandbox.json("songs show short.mid --json"), sandbox.json("songs show low.mid --json"));
     assert_eq!((&low["notes"], &low["lowest"], &low["highest"]), (&3.into(), &72.into(), &79.into()));
     let ratio = low["secs"].as_f64().unwrap() / high["secs"].as_f64().unwrap();
     assert!((ratio - 2.0).abs() < 0.02, "{ratio}");
@@ -241,7 +243,7 @@ fn a_song_that_does_not_fit_is_arranged() {
     ] {
         let error = refused(arguments);
         assert!(error.contains(said), "{arguments}: {error}");
-        assert!(!desk.path("new.mid").exists());
+        assert!(!sandbox.path("new.mid").exists());
     }
-    assert_eq!(desk.json("songs show low.mid --json"), low, "refused, and left as it was");
+    assert_eq!(sandbox.json("songs show low.mid --json"), low, "refused, and left as it was");
 }

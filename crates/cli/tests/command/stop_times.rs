@@ -1,4 +1,5 @@
-//! How long a robot goes on after its controller, or the guard of it, is killed or hangs: seen on the wires.
+//! How long a robot goes on after its controller, or the guard of it, is killed or hangs: seen on
+//! the wires.
 
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
@@ -9,9 +10,9 @@ use etude_robot::rig::RigConfig;
 use etude_robot::xarm::ArmConnection;
 use etude_robot::xarm::report::ReportParser;
 
-use crate::Desk;
+use crate::Sandbox;
 use crate::processes::{self, children_of, with_arguments};
-use crate::stopping::Served;
+use crate::served_twin::Served;
 
 /// Frames of torques, one a finger, and the frame that switches the servo off.
 const TORQUES: [u16; 4] = [0x180, 0x184, 0x188, 0x18C];
@@ -86,8 +87,8 @@ impl Listener {
 #[test]
 #[ignore = "takes minutes: `make test-heavy`, which .ci/run calls"]
 fn a_robot_stops_soon_after_its_controller_or_guard() {
-    let desk = Desk::new();
-    let twin = Served::start(&desk);
+    let sandbox = Sandbox::new();
+    let twin = Served::start(&sandbox);
     let rig = RigConfig::load(&twin.rig).unwrap();
     let path = twin.rig.display().to_string();
     println!("| what ends, after | hand without torque | servo off | arm in state 4 |\n|---|---|---|---|");
@@ -102,9 +103,10 @@ fn a_robot_stops_soon_after_its_controller_or_guard() {
     for homing in [true, false] {
         for (what, of_guard, signal) in ends {
             let phase = if homing { "on the way" } else { "playing" };
-            // A busy machine gives the listener, the guard or the controller its turn late: the best of five counts.
+            // A busy machine gives the listener, the guard or the controller its turn late: the
+            // best of five counts.
             let in_time = (0..TRIES).any(|_| {
-                let mut controller = begin(&desk, &path, homing);
+                let mut controller = begin(&sandbox, &path, homing);
                 let guards = with_arguments(&["robot", "guard", "--robot", &path]);
                 let guard = children_of(controller.id()).into_iter().find(|id| guards.contains(id)).unwrap();
                 let times = Listener::join(&rig).times(|| {
@@ -127,11 +129,11 @@ fn a_robot_stops_soon_after_its_controller_or_guard() {
 }
 
 /// A controller on its way to the keyboard, or one that plays.
-fn begin(desk: &Desk, rig: &str, homing: bool) -> Child {
-    let file = desk.path("p/run-1.mcap");
+fn begin(sandbox: &Sandbox, rig: &str, homing: bool) -> Child {
+    let file = sandbox.path("p/run-1.mcap");
     let _ = std::fs::remove_file(&file);
     let mut command =
-        desk.command(&format!("perform ode-to-joy --mode real --scripted --home --robot {rig} -o p"));
+        sandbox.command(&format!("perform ode-to-joy --mode real --scripted --home --robot {rig} -o p"));
     let controller = command.stdout(Stdio::null()).spawn().unwrap();
     let phase: &[u8] = if homing { b"\"moving\"" } else { b"\"following\"" };
     let until = Instant::now() + Duration::from_secs(60);

@@ -4,10 +4,10 @@ use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::replaying::skip;
+use crate::browser::skip;
+use crate::served_twin::Served;
 use crate::shell_blocks::{Documented, documented, of_page};
-use crate::stopping::Served;
-use crate::{Desk, TINY, errors, processes, root, succeed, wait_for};
+use crate::{Sandbox, TINY, errors, processes, root, succeed, wait_for};
 
 const BY_THE_CLOCK: &str = "a robot by the wall clock: run beside a twin, by `make test-heavy`";
 const REHEARSED: &str = "minutes of fits: run with short ones, by `make test-heavy`";
@@ -38,10 +38,11 @@ fn left_out(line: &str) -> Option<&'static str> {
     begins.or(has).map(|(_, why)| *why)
 }
 
-/// Runs a command in `desk`. Only trainings and fits are made short; what is learned in that time pushes at the limits of the hand's torque
-/// until the twin is stopped, so the scripted baseline performs in its place.
-fn run(desk: &Desk, command: &Documented) {
-    let home = desk.path("home");
+/// Runs a command in `sandbox`. Only trainings and fits are made short; what is learned in that
+/// time pushes at the limits of the hand's torque until the twin is stopped, so the scripted baseline
+/// performs in its place.
+fn run(sandbox: &Sandbox, command: &Documented) {
+    let home = sandbox.path("home");
     let at_home = |word: &String| word.replace('~', &home.display().to_string());
     let words: Vec<String> = command.words.iter().map(at_home).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
@@ -49,7 +50,7 @@ fn run(desk: &Desk, command: &Documented) {
     let line = command.line();
     println!("{}: etude {line}", command.page);
     let mut etude = Command::new(assert_cmd::cargo::cargo_bin!("etude"));
-    etude.current_dir(desk.path("")).env("HOME", &home).args(&words);
+    etude.current_dir(sandbox.path("")).env("HOME", &home).args(&words);
     // A shipped policy has larger networks.
     let short = |begins_shipped: bool| {
         let fits = move |set: &&str| !(begins_shipped && set.starts_with("droq.hidden"));
@@ -70,7 +71,7 @@ fn run(desk: &Desk, command: &Documented) {
         "train" if !has("--resume") => {
             if !has("-o") {
                 // Several of a page are alternatives with one folder.
-                let _ = std::fs::remove_dir_all(desk.path("runs"));
+                let _ = std::fs::remove_dir_all(sandbox.path("runs"));
             }
             etude.args(short(words.iter().any(|word| word.starts_with("policies/"))));
         }
@@ -88,7 +89,8 @@ fn run(desk: &Desk, command: &Documented) {
     if words[0] == "render" && said.contains("no off-screen OpenGL here") {
         return skip("there is no off-screen OpenGL here");
     }
-    // A fault that was ordered ends it, and of trials that were interrupted there is nothing to report.
+    // A fault that was ordered ends it, and of trials that were interrupted there is nothing to
+    // report.
     let code = if has("--fault") || line.starts_with("experiment report") { 1 } else { 0 };
     assert_eq!(output.status.code(), Some(code), "{}: etude {line}: {said}", command.page);
 }
@@ -115,18 +117,18 @@ fn serve(mut etude: Command) {
 }
 
 /// A folder as a reader has it: the repository's songs, and a song of one's own.
-fn desk() -> Desk {
-    let desk = Desk::new();
+fn sandbox() -> Sandbox {
+    let sandbox = Sandbox::new();
     for folder in ["songs", "policies"] {
-        std::os::unix::fs::symlink(root().join(folder), desk.path(folder)).unwrap();
+        std::os::unix::fs::symlink(root().join(folder), sandbox.path(folder)).unwrap();
     }
-    std::fs::rename(desk.path("short.mid"), desk.path("my-song.mid")).unwrap();
-    desk
+    std::fs::rename(sandbox.path("short.mid"), sandbox.path("my-song.mid")).unwrap();
+    sandbox
 }
 
 #[test]
 fn the_commands_of_the_readme_run_one_after_the_other() {
-    let desk = desk();
+    let sandbox = sandbox();
     let readme = include_str!("../../../../README.md");
     let (_, rest) = readme.split_once("\n## Five minutes\n").unwrap();
     let tour = of_page("README.md".as_ref(), rest.split_once("\n## ").unwrap().0);
@@ -139,14 +141,14 @@ fn the_commands_of_the_readme_run_one_after_the_other() {
     );
     for command in of_page("README.md".as_ref(), readme) {
         if left_out(&command.line()).is_none() {
-            run(&desk, &command);
+            run(&sandbox, &command);
         }
     }
     for made in
         ["out/twinkle/replay.html", "out/both.html", "out/gallery/index.html", "out/twinkle/recording.mp4"]
     {
         // Without ffmpeg a video is a folder of pictures.
-        assert!(desk.path(made).is_file() || made.ends_with(".mp4"), "{made}");
+        assert!(sandbox.path(made).is_file() || made.ends_with(".mp4"), "{made}");
     }
 }
 
@@ -172,14 +174,14 @@ fn the_quick_commands_of_the_book_run() {
     }
     let mut ran = 0;
     for page in all.chunk_by(|one, next| one.page == next.page).filter(|page| page[0].page != "README.md") {
-        let desk = desk();
+        let sandbox = sandbox();
         if page[0].page == "docs/reading.md" {
             // It begins with what was played on the pages before.
-            desk.ok("play twinkle");
-            desk.ok("perform twinkle --robot twin -o out/twin");
+            sandbox.ok("play twinkle");
+            sandbox.ok("perform twinkle --robot twin -o out/twin");
         }
         for command in page.iter().filter(|command| left_out(&command.line()).is_none()) {
-            run(&desk, command);
+            run(&sandbox, command);
             ran += 1;
         }
     }
@@ -196,9 +198,9 @@ fn of_reason(page: &str, reason: &str) -> Vec<Documented> {
 #[ignore = "takes minutes by the wall clock: `make test-heavy`, which .ci/run calls"]
 fn the_commands_for_a_robot_run_beside_a_twin() {
     for page in BY_THE_CLOCK_ON {
-        let desk = desk();
-        desk.ok("play my-song.mid --scripted -o out/my-song");
-        let twin = Served::of(&desk, "twin -o out/twin");
+        let sandbox = sandbox();
+        sandbox.ok("play my-song.mid --scripted -o out/my-song");
+        let twin = Served::of(&sandbox, "twin -o out/twin");
         // As `sed` and `mkdir` of the page make them.
         let practice = std::fs::read_to_string(&twin.rig).unwrap();
         let practice = practice.lines().map(|line| match line.split_once(" = ") {
@@ -206,24 +208,24 @@ fn the_commands_for_a_robot_run_beside_a_twin() {
             Some(("calibration", _)) => "calibration = \"lab.calibration.toml\"\n".to_string(),
             _ => format!("{line}\n"),
         });
-        std::fs::write(desk.path("practice.toml"), practice.collect::<String>()).unwrap();
-        std::fs::create_dir(desk.path("out/lab")).unwrap();
+        std::fs::write(sandbox.path("practice.toml"), practice.collect::<String>()).unwrap();
+        std::fs::create_dir(sandbox.path("out/lab")).unwrap();
         for command in of_reason(page, BY_THE_CLOCK) {
             let line = command.line();
             match command.words[0].as_str() {
                 // It runs already.
                 "twin" if command.words.len() == 1 => {}
-                "twin" => interrupt(desk.command(&format!("{line} -o out/another"))),
-                "robot" if line.contains("calibrate") => calibrate(&desk, &line),
-                _ => run(&desk, &command),
+                "twin" => interrupt(sandbox.command(&format!("{line} -o out/another"))),
+                "robot" if line.contains("calibrate") => calibrate(&sandbox, &line),
+                _ => run(&sandbox, &command),
             }
         }
     }
 }
 
 /// The arm stands where it is: the third key cannot be at the place of the first.
-fn calibrate(desk: &Desk, line: &str) {
-    let output = desk.command(line).stdin(Stdio::null()).output().unwrap();
+fn calibrate(sandbox: &Sandbox, line: &str) {
+    let output = sandbox.command(line).stdin(Stdio::null()).output().unwrap();
     let said = errors(&output);
     if line.ends_with("highest") {
         assert!(output.status.code() == Some(1) && said.contains("0.0 mm apart"), "{said}");
@@ -236,25 +238,25 @@ fn calibrate(desk: &Desk, line: &str) {
 #[ignore = "takes minutes: `make test-heavy`, which .ci/run calls"]
 fn the_rehearsals_of_readme_and_book_run() {
     for page in REHEARSED_ON {
-        let desk = desk();
+        let sandbox = sandbox();
         match page {
             "docs/midi-to-robot.md" => {
-                let mut train = desk.command("train my-song.mid");
+                let mut train = sandbox.command("train my-song.mid");
                 train.args(TINY.iter().flat_map(|set| ["--set", set]));
                 succeed(train);
                 // What is learned in this time cannot play on the twin.
-                std::fs::create_dir(desk.path("runs/my-song-identified")).unwrap();
-                let policy = desk.path("runs/my-song-identified/policy-best.safetensors");
+                std::fs::create_dir(sandbox.path("runs/my-song-identified")).unwrap();
+                let policy = sandbox.path("runs/my-song-identified/policy-best.safetensors");
                 std::fs::copy(crate::shipped("twinkle"), policy).unwrap();
             }
             "docs/reading.md" => {
-                desk.ok("play twinkle");
-                desk.ok("perform twinkle -o runs/rehearse");
+                sandbox.ok("play twinkle");
+                sandbox.ok("perform twinkle -o runs/rehearse");
             }
             _ => {}
         }
         let commands = of_reason(page, REHEARSED);
         assert!(!commands.is_empty(), "{page}");
-        commands.iter().for_each(|command| run(&desk, command));
+        commands.iter().for_each(|command| run(&sandbox, command));
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::{Desk, errors, succeed};
+use crate::{Sandbox, errors, succeed};
 
 /// A run of 4,000 steps that has made half of them.
 fn write_run(folder: &Path) {
@@ -36,10 +36,10 @@ fn write_run(folder: &Path) {
 
 #[test]
 fn figures_are_printed_once() {
-    let desk = Desk::new();
-    write_run(&desk.path("runs/short__fast__0"));
-    write_run(&desk.path("runs/task/training"));
-    let runs = desk.json("watch runs/short__fast__0 runs/task --once --json");
+    let sandbox = Sandbox::new();
+    write_run(&sandbox.path("runs/short__fast__0"));
+    write_run(&sandbox.path("runs/task/training"));
+    let runs = sandbox.json("watch runs/short__fast__0 runs/task --once --json");
     let runs = runs.as_array().unwrap();
     assert_eq!(
         (&runs[0]["run"], &runs[1]["run"]),
@@ -56,8 +56,8 @@ fn figures_are_printed_once() {
         assert!(run["secs_since_written"].as_f64().unwrap() < 100.0);
     }
     // Without arguments: what lies in runs/. Where nobody looks on: a table.
-    assert_eq!(desk.json("watch --json").as_array().unwrap().len(), 2);
-    let table = desk.ok("watch");
+    assert_eq!(sandbox.json("watch --json").as_array().unwrap().len(), 2);
+    let table = sandbox.ok("watch");
     let lines: Vec<_> = table.lines().collect();
     assert!(lines.len() == 3 && lines[0].starts_with("run "), "{table}");
     assert!(lines[1..].iter().any(|line| line.starts_with("task ") && line.contains("2k/4k")), "{table}");
@@ -73,9 +73,9 @@ fn figures_are_printed_once() {
 
 #[test]
 fn a_real_training_is_watched() {
-    let desk = Desk::new();
-    succeed(desk.tiny("short.mid -o run --json"));
-    let run = &desk.json("watch run --json")[0];
+    let sandbox = Sandbox::new();
+    succeed(sandbox.tiny("short.mid -o run --json"));
+    let run = &sandbox.json("watch run --json")[0];
     assert_eq!(
         (&run["state"], &run["step"], &run["song"]),
         (&"finished".into(), &400.into(), &"short".into())
@@ -85,23 +85,24 @@ fn a_real_training_is_watched() {
 
 #[test]
 fn what_is_no_run_is_explained() {
-    let desk = Desk::new();
+    let sandbox = Sandbox::new();
     let message = |args: &str| {
-        let output = desk.command(args).output().unwrap();
+        let output = sandbox.command(args).output().unwrap();
         assert_eq!(output.status.code(), Some(1));
         errors(&output)
     };
     assert!(message("watch").contains("there is no folder runs"));
-    std::fs::create_dir(desk.path("empty")).unwrap();
+    std::fs::create_dir(sandbox.path("empty")).unwrap();
     let said = message("watch empty");
     assert!(said.contains("empty holds no run") && said.contains("etude train"), "{said}");
-    write_run(&desk.path("new"));
-    std::fs::write(desk.path("new/metrics.jsonl"), "").unwrap();
-    assert!(desk.ok("watch new").contains("waiting for the first log line"));
+    write_run(&sandbox.path("new"));
+    std::fs::write(sandbox.path("new/metrics.jsonl"), "").unwrap();
+    assert!(sandbox.ok("watch new").contains("waiting for the first log line"));
 }
 
-/// Drives a program in a pseudo-terminal of 80 by 24: waits until the screen has been drawn, then does what it is told, and
-/// prints what the terminal was sent. The exit code is the program's; 99 says that the terminal's settings were not restored.
+/// Drives a program in a pseudo-terminal of 80 by 24: waits until the screen has been drawn, then
+/// does what it is told, and prints what the terminal was sent. The exit code is the program's; 99
+/// says that the terminal's settings were not restored.
 const TERMINAL: &str = r#"
 import fcntl, os, pty, select, signal, struct, sys, termios, time
 action, program = sys.argv[1], sys.argv[2:]
@@ -140,11 +141,11 @@ sys.exit(os.waitstatus_to_exitcode(status) if termios.tcgetattr(side) == before 
 
 #[test]
 fn the_screen_is_left_as_it_was_found() {
-    let desk = Desk::new();
-    write_run(&desk.path("runs/short__fast__0"));
+    let sandbox = Sandbox::new();
+    write_run(&sandbox.path("runs/short__fast__0"));
     for action in ["q", "\u{3}", "TERM"] {
         let mut command = Command::new("python3");
-        command.current_dir(desk.folder.path()).env("TERM", "xterm-256color").env_remove("NO_COLOR");
+        command.current_dir(sandbox.folder.path()).env("TERM", "xterm-256color").env_remove("NO_COLOR");
         command.args(["-c", TERMINAL, action]).arg(assert_cmd::cargo::cargo_bin!("etude")).arg("watch");
         let said = succeed(command);
         let (before, inside) = said.split_once("\u{1b}[?1049h").unwrap();

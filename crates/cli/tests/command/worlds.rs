@@ -2,15 +2,15 @@
 
 use std::process::Stdio;
 
-use crate::{Desk, csv, errors, processes, succeed, wait_for};
+use crate::{Sandbox, csv, errors, processes, succeed, wait_for};
 
 #[test]
 fn the_table_holds_what_the_summary_says() {
-    let desk = Desk::new();
-    succeed(desk.tiny("short.mid -o run --json"));
-    let printed = desk.json("evaluate short.mid --policy run --worlds 12 --json -o table/worlds.csv");
+    let sandbox = Sandbox::new();
+    succeed(sandbox.tiny("short.mid -o run --json"));
+    let printed = sandbox.json("evaluate short.mid --policy run --worlds 12 --json -o table/worlds.csv");
     assert_eq!((&printed["worlds"], &printed["csv"]), (&12.into(), &"table/worlds.csv".into()));
-    let rows = csv(&desk.bytes("table/worlds.csv"));
+    let rows = csv(&sandbox.bytes("table/worlds.csv"));
     let scores = [
         "world",
         "player",
@@ -33,47 +33,47 @@ fn the_table_holds_what_the_summary_says() {
     assert!(close("worst_f1", f1[0]) && close("worst_decile_f1", (f1[0] + f1[1]) / 2.0), "{printed}");
     let right: f64 = rows[1..].iter().map(|row| row[6].parse::<f64>().unwrap()).sum();
     assert!(close("mean_notes_right", right / 12.0), "{printed}");
-    assert!(close("nominal_f1", desk.json("play short.mid --policy run --json")["f1"].as_f64().unwrap()));
+    assert!(close("nominal_f1", sandbox.json("play short.mid --policy run --json")["f1"].as_f64().unwrap()));
     assert_eq!(printed["marginals"].as_array().unwrap().len(), 31);
 
     // Same worlds, same numbers, on any number of threads; and people get a summary.
-    let mut again = desk.command("evaluate short.mid --policy run --worlds 12");
+    let mut again = sandbox.command("evaluate short.mid --policy run --worlds 12");
     again.env("RAYON_NUM_THREADS", "1");
     let text = succeed(again);
     assert!(text.contains("worst tenth") && text.contains("what matters most"), "{text}");
-    assert_eq!(desk.bytes("out/short-run/worlds.csv"), desk.bytes("table/worlds.csv"));
+    assert_eq!(sandbox.bytes("out/short-run/worlds.csv"), sandbox.bytes("table/worlds.csv"));
     // A player that strikes its keys: another seed draws other worlds, which show.
     let seeded = |seed: u64| {
         let asked = format!("evaluate short.mid --scripted --worlds 12 --seed {seed} -o other.csv --json");
-        desk.json(&asked)["scores"].clone()
+        sandbox.json(&asked)["scores"].clone()
     };
     assert_ne!(seeded(0), seeded(1));
 }
 
 #[test]
 fn the_table_of_another_player_is_kept() {
-    let desk = Desk::new();
-    desk.ok("evaluate short.mid --scripted --worlds 1 -o worlds.csv");
-    let before = desk.bytes("worlds.csv");
-    desk.ok("evaluate short.mid --scripted --worlds 2 -o worlds.csv");
-    assert!(desk.bytes("worlds.csv").len() > before.len(), "its own table is replaced");
-    let before = desk.bytes("worlds.csv");
-    succeed(desk.tiny("short.mid -o run --json"));
-    let other = desk.command("evaluate short.mid --policy run --worlds 1 -o worlds.csv").output().unwrap();
+    let sandbox = Sandbox::new();
+    sandbox.ok("evaluate short.mid --scripted --worlds 1 -o worlds.csv");
+    let before = sandbox.bytes("worlds.csv");
+    sandbox.ok("evaluate short.mid --scripted --worlds 2 -o worlds.csv");
+    assert!(sandbox.bytes("worlds.csv").len() > before.len(), "its own table is replaced");
+    let before = sandbox.bytes("worlds.csv");
+    succeed(sandbox.tiny("short.mid -o run --json"));
+    let other = sandbox.command("evaluate short.mid --policy run --worlds 1 -o worlds.csv").output().unwrap();
     assert!(
         errors(&other).contains("worlds.csv is the table of another player: choose another file with -o")
     );
-    assert!(!other.status.success() && desk.bytes("worlds.csv") == before);
+    assert!(!other.status.success() && sandbox.bytes("worlds.csv") == before);
 }
 
 #[test]
 fn an_interruption_ends_it_without_a_table() {
-    let desk = Desk::new();
-    let mut command = desk.command("evaluate short.mid --scripted --worlds 100000 -o worlds.csv");
+    let sandbox = Sandbox::new();
+    let mut command = sandbox.command("evaluate short.mid --scripted --worlds 100000 -o worlds.csv");
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     wait_for("its handler is there", || processes::catches_interrupts(child.id()));
     processes::signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
-    assert!(output.stdout.is_empty() && !desk.path("worlds.csv").exists());
+    assert!(output.stdout.is_empty() && !sandbox.path("worlds.csv").exists());
 }

@@ -1,5 +1,5 @@
-//! What the columns of a model's observation and action mean, and what they are computed from: the song, its plan, the hand. A test
-//! computes the observations of a performance from nothing else.
+//! What the columns of a model's observation and action mean, and what they are computed from: the
+//! song, its plan, the hand. A test computes the observations of a performance from nothing else.
 
 use etude_lab::Pianist;
 use etude_music::{CONTROL_HZ, KEY_COUNT, LOWEST_PITCH, Song, key_is_black};
@@ -114,7 +114,8 @@ fn window_json(fingering: &Fingering) -> Value {
     json!({"meaning": meaning, "slots_to_a_side": SLOTS / 2, "middle": middle, "key_slot": slots, "black_keys": black})
 }
 
-/// For each control step, the place of the rail and the goal of each finger; and how the columns are computed from them.
+/// For each control step, the place of the rail and the goal of each finger; and how the columns
+/// are computed from them.
 fn fingering_json(fingering: &Fingering, task: &TaskConfig) -> Value {
     let goal = |goal: Goal| json!({"key": goal.key, "x_m": goal.over[0], "y_m": goal.over[1], "wait": goal.wait_steps, "velocity": goal.velocity});
     let steps = 0..fingering.rail().len();

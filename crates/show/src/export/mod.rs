@@ -25,8 +25,9 @@ const OBSERVATION: &str = "observation";
 /// Name of the output.
 const ACTION: &str = "action";
 
-/// Writes the actor of `pianist`, which plays `song`, as an ONNX model: `observation` `[batch, o]` to `action` `[batch, 13]` in [-1, 1],
-/// without exploration. The entry `etude` of the model's metadata holds JSON that says what each column means.
+/// Writes the actor of `pianist`, which plays `song`, as an ONNX model: `observation` `[batch, o]`
+/// to `action` `[batch, 13]` in [-1, 1], without exploration. The entry `etude` of the model's
+/// metadata holds JSON that says what each column means.
 ///
 /// # Errors
 /// If the pianist is the scripted baseline, or the file cannot be written.

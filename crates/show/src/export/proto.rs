@@ -1,4 +1,5 @@
-//! The messages of ONNX that an actor needs, by the field numbers of `onnx.proto` (opset 20, IR version 9).
+//! The messages of ONNX that an actor needs, by the field numbers of `onnx.proto` (opset 20, IR
+//! version 9).
 
 /// `TensorProto.DataType.FLOAT`.
 const FLOAT: i32 = 1;

@@ -21,7 +21,7 @@ pub(super) const SMALL: u32 = 13;
 pub(super) const WIDE: f64 = 7.4;
 pub(super) const NARROW: f64 = 6.5;
 /// The most letters of a group's name that are written upwards.
-pub(super) const LONGEST_NAME: usize = 26;
+pub(super) const MAX_NAME_CHARS: usize = 26;
 
 /// Where the parts of a drawing are.
 pub(super) struct Layout {
@@ -59,7 +59,7 @@ impl Layout {
             Some(most) if is_narrow => 28 + LINE * most as i32,
             Some(_) => {
                 let longest = drawing.groups.iter().map(|name| name.chars().count()).max().unwrap_or(0);
-                34 + (longest.min(LONGEST_NAME) as f64 * NARROW) as i32
+                34 + (longest.min(MAX_NAME_CHARS) as f64 * NARROW) as i32
             }
             None => 42,
         };

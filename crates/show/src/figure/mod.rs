@@ -1,5 +1,6 @@
-//! Drawings of numbers, as SVG. Series differ in stroke, marker or shade as well as in colour, for print and for colour-blind
-//! readers. The legend has its own lines above the axes, as many as it needs.
+//! Drawings of numbers, as SVG. Series differ in stroke, marker or shade as well as in colour, for
+//! print and for colour-blind readers. The legend has its own lines above the axes, as many as it
+//! needs.
 
 mod drawing;
 mod layout;

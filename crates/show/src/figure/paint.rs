@@ -7,7 +7,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::drawing::{Drawing, Mark, Series};
-use super::layout::{HEADING, LARGE, LEFT, LINE, LONGEST_NAME, Layout, MARGIN, RIGHT, SMALL, WIDTH};
+use super::layout::{HEADING, LARGE, LEFT, LINE, Layout, MARGIN, MAX_NAME_CHARS, RIGHT, SMALL, WIDTH};
 use super::number::number;
 
 /// Okabe and Ito's colours.
@@ -92,7 +92,8 @@ impl Drawing {
         Ok(area.present()?)
     }
 
-    /// Names of the groups below their bars. If they are too many to stand side by side, each is written upwards.
+    /// Names of the groups below their bars. If they are too many to stand side by side, each is
+    /// written upwards.
     fn group_names(
         &self,
         area: &Area<'_>,
@@ -113,7 +114,7 @@ impl Drawing {
                     }
                 }
                 None => {
-                    let short: String = name.chars().take(LONGEST_NAME).collect();
+                    let short: String = name.chars().take(MAX_NAME_CHARS).collect();
                     area.draw_text(&short, &upwards, (x - 7, y + 8))?;
                 }
             }
@@ -199,7 +200,8 @@ impl Drawing {
         diamond(area, ((left.0 + right.0) / 2, left.1), BLACK)
     }
 
-    /// Names of the series with their strokes, and the name of the marks, between the heading and the axes.
+    /// Names of the series with their strokes, and the name of the marks, between the heading and
+    /// the axes.
     fn legend(&self, area: &Area<'_>, layout: &Layout) -> anyhow::Result<()> {
         let style = ("sans-serif", SMALL).into_font().into_text_style(area);
         for (index, (name, [x, y])) in self.legend_names().into_iter().zip(&layout.legend).enumerate() {

@@ -1,15 +1,17 @@
-//! What was learned on the robot itself, on the page of a rehearsal: the runs, and how the song is played before and after.
+//! What was learned on the robot itself, on the page of a rehearsal: the runs, and how the song is
+//! played before and after.
 
 use std::path::Path;
 
 use etude_lab::{AdaptRun, Adapted, MeanNotes, Round, run_file};
 use maud::{Markup, PreEscaped, html};
 
-use super::{Performance, performance, see_and_hear};
+use super::performance::{Performance, performance, see_and_hear};
 use crate::figure::{Drawing, Mark, Point, Series};
 use crate::html::table;
 
-/// The run that plays with the measured lead and without a correction, from 0; the first one only measures the lead.
+/// The run that plays with the measured lead and without a correction, from 0; the first one only
+/// measures the lead.
 const BEFORE: usize = 1;
 
 /// An adaptation, and its performances to see and to hear.
@@ -20,7 +22,8 @@ pub(super) struct Adaptation {
 }
 
 impl Adaptation {
-    /// Writes the replay pages of the adaptation below the `folder` of the rehearsal, of so many `runs` with the correction.
+    /// Writes the replay pages of the adaptation below the `folder` of the rehearsal, of so many
+    /// `runs` with the correction.
     pub fn new(adapted: &Adapted, folder: &Path, runs: usize) -> anyhow::Result<Self> {
         let there = folder.join("adaptation");
         let of_run =
@@ -68,7 +71,8 @@ impl Adaptation {
     }
 }
 
-/// Curves over the runs, with a mark at the one that was kept: notes, and how far the joints were off their path.
+/// Curves over the runs, with a mark at the one that was kept: notes, and how far the joints were
+/// off their path.
 fn drawings(adapted: &Adapted) -> [Drawing; 3] {
     let series = |name: &str, value: &dyn Fn(&AdaptRun) -> f64| {
         let point =
@@ -208,7 +212,8 @@ mod tests {
         );
     }
 
-    /// Recordings are large, and may have been removed: the page still says how it went, and the run that is asked for is the one shown.
+    /// Recordings are large, and may have been removed: the page still says how it went, and the
+    /// run that is asked for is the one shown.
     #[test]
     fn recordings_that_are_missing_do_not_hinder_the_page() {
         let folder = tempfile::tempdir().unwrap();

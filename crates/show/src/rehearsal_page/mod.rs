@@ -1,49 +1,41 @@
-//! The page of a rehearsal: notes right and the gap by round, the performances to see and to hear, what was learned on the robot itself,
-//! and the simulator's numbers.
+//! The page of a rehearsal: notes right and the gap by round, the performances to see and to hear,
+//! what was learned on the robot itself, and the simulator's numbers.
 
 mod adaptation;
 mod numbers;
+mod performance;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context as _;
 use etude_lab::{Adapted, RehearsalConfig, Round, best_round};
-use etude_perform::{NoteCounts, write_file};
+use etude_perform::write_file;
 use maud::{Markup, PreEscaped, html};
 
 use adaptation::Adaptation;
 use numbers::numbers;
+use performance::{Performance, performance, see_and_hear};
 
 use crate::figure::{Drawing, Mark, Point, Series};
 use crate::html::{page, table};
-use crate::replay::{read_take, replay_page};
 
 /// Name of the page in the folder of its rehearsal.
 pub const REHEARSAL_PAGE: &str = "rehearsal.html";
 
-/// The page of a rehearsal, written again after each round, with a replay page beside each recording.
+/// The page of a rehearsal, written again after each round, with a replay page beside each
+/// recording.
 pub struct RehearsalPage<'a> {
     config: &'a RehearsalConfig,
     folder: &'a Path,
-    rounds: Vec<Shown>,
+    rounds: Vec<NoteJudgement>,
     adaptation: Option<Adaptation>,
     written: anyhow::Result<()>,
 }
 
 /// A round and its performances.
-struct Shown {
+struct NoteJudgement {
     round: Round,
     performances: Vec<Performance>,
-}
-
-/// One performance. Paths begin in the folder of the rehearsal, so that the page can be moved with it.
-struct Performance {
-    /// None if it was not kept.
-    sound: Option<PathBuf>,
-    /// The replay page, or why there is none.
-    replay: Result<PathBuf, String>,
-    /// What was heard.
-    notes: Option<NoteCounts>,
 }
 
 impl<'a> RehearsalPage<'a> {
@@ -57,12 +49,13 @@ impl<'a> RehearsalPage<'a> {
         self.then(|page| {
             let shown = round.recordings.iter().map(|path| performance(path, page.folder));
             let performances = shown.collect::<anyhow::Result<Vec<_>>>()?;
-            page.rounds.push(Shown { round: round.clone(), performances });
+            page.rounds.push(NoteJudgement { round: round.clone(), performances });
             Ok(())
         });
     }
 
-    /// Adds what was learned on the robot itself after the rounds, writes its replay pages, and writes the page.
+    /// Adds what was learned on the robot itself after the rounds, writes its replay pages, and
+    /// writes the page.
     pub fn add_adapted(&mut self, adapted: &Adapted) {
         self.then(|page| {
             page.adaptation = Some(Adaptation::new(adapted, page.folder, page.config.runs)?);
@@ -90,30 +83,10 @@ impl<'a> RehearsalPage<'a> {
     }
 }
 
-/// Writes the replay page of a recording beside it.
-fn performance(recording: &Path, folder: &Path) -> anyhow::Result<Performance> {
-    let sound = recording.with_extension("wav");
-    let sound = sound.is_file().then(|| inside(&sound, folder));
-    // A damaged recording must not hinder the page.
-    let take = match read_take(recording) {
-        Ok(take) => take,
-        Err(error) => return Ok(Performance { sound, replay: Err(error.to_string()), notes: None }),
-    };
-    let replay = recording.with_extension("html");
-    replay_page(std::slice::from_ref(&take), &replay)?;
-    let notes = take.note_scores.as_ref().map(NoteCounts::from);
-    Ok(Performance { sound, replay: Ok(inside(&replay, folder)), notes })
-}
-
-/// A path from `folder` on.
-fn inside(path: &Path, folder: &Path) -> PathBuf {
-    path.strip_prefix(folder).unwrap_or(path).to_path_buf()
-}
-
 /// The page of the rounds so far.
 fn rehearsal_page(
     config: &RehearsalConfig,
-    rounds: &[Shown],
+    rounds: &[NoteJudgement],
     adaptation: Option<&Adaptation>,
 ) -> anyhow::Result<String> {
     let results: Vec<&Round> = rounds.iter().map(|shown| &shown.round).collect();
@@ -150,19 +123,6 @@ fn rehearsal_page(
         (numbers(&results))
     };
     Ok(page(&format!("Rehearsal of {}", config.song), &body))
-}
-
-fn see_and_hear(name: &str, performance: &Performance) -> Markup {
-    html! {
-        @match &performance.replay {
-            Ok(page) => a href=(page.display()) { "Replay of " (name) },
-            Err(why) => { "No replay of " (name) ": " (why) }
-        }
-        @if let Some(notes) = &performance.notes { " · " (notes) }
-        @if let Some(sound) = &performance.sound {
-            audio controls preload="none" src=(sound.display()) aria-label={ "Sound of " (name) } {}
-        }
-    }
 }
 
 /// Bars by round.
@@ -236,6 +196,7 @@ fn scores(rounds: &[&Round]) -> Markup {
 mod tests {
     use super::*;
     use etude_lab::{IdentifyMethod, MeanNotes};
+    use etude_perform::NoteCounts;
 
     pub(super) fn round(round: usize) -> Round {
         Round {
@@ -276,7 +237,7 @@ mod tests {
             threads: None,
             keep_replay: false,
         };
-        let shown = |number: usize| Shown {
+        let shown = |number: usize| NoteJudgement {
             round: round(number),
             performances: vec![Performance {
                 sound: Some(format!("round-{number}/performance/run-1.wav").into()),
@@ -321,18 +282,5 @@ mod tests {
         assert_eq!(notes.series[0].points[1].y, 13.5);
         assert_eq!(notes.series[0].marks[1], Mark { x: Some(1.0), y: 14.0 });
         assert!(gap_by_round(&rounds).svg().is_ok());
-    }
-
-    #[test]
-    fn a_recording_that_cannot_be_read_does_not_hinder_the_page() {
-        let folder = tempfile::tempdir().unwrap();
-        let recording = folder.path().join("round-0/performance/run-1.mcap");
-        let shown = performance(&recording, folder.path()).unwrap();
-        assert!(shown.replay.is_err());
-        assert_eq!(shown.sound, None);
-        std::fs::create_dir_all(recording.parent().unwrap()).unwrap();
-        std::fs::write(recording.with_extension("wav"), "").unwrap();
-        let shown = performance(&recording, folder.path()).unwrap();
-        assert_eq!(shown.sound, Some("round-0/performance/run-1.wav".into()));
     }
 }

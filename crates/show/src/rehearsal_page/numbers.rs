@@ -1,4 +1,5 @@
-//! The simulator's numbers on the page of a rehearsal: what changed most in words, and all of them behind a fold.
+//! The simulator's numbers on the page of a rehearsal: what changed most in words, and all of them
+//! behind a fold.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -40,7 +41,8 @@ impl Changed {
         if self.unit == "1" { number(value) } else { format!("{} {}", number(value), self.unit) }
     }
 
-    /// By how many times it is another, up or down, as a logarithm. None of one that is zero, or whose sign has changed.
+    /// By how many times it is another, up or down, as a logarithm. None of one that is zero, or
+    /// whose sign has changed.
     fn times(&self) -> Option<f64> {
         let times = (self.value / self.default).ln().abs();
         times.is_finite().then_some(times)
@@ -84,7 +86,8 @@ fn in_words(round: &Round) -> String {
             count += 1;
         }
     }
-    // Of a quantity that is zero in the default simulator nobody can say how many times it is another.
+    // Of a quantity that is zero in the default simulator nobody can say how many times it is
+    // another.
     let (new, mut other): (Vec<_>, Vec<_>) =
         by_quantity.into_iter().partition(|(_, all)| all.iter().all(|number| number.default == 0.0));
     other.sort_by(|(_, one), (_, two)| most(two).total_cmp(&most(one)));

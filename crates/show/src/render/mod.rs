@@ -30,7 +30,8 @@ const FFMPEG_HINT: &str = "check `ffmpeg -version` and the free disk space";
 pub enum Video {
     /// A file with sound.
     File(PathBuf),
-    /// Pictures in a folder with the sound beside them, since ffmpeg is not there; the command that makes a video of them.
+    /// Pictures in a folder with the sound beside them, since ffmpeg is not there; the command that
+    /// makes a video of them.
     Frames {
         /// The folder.
         folder: PathBuf,
@@ -66,7 +67,8 @@ pub struct Studio<'a> {
 }
 
 impl<'a> Studio<'a> {
-    /// Sets up pictures of `size` pixels from `view`, with the piano roll below. Smooth edges take twice as long where the processor draws.
+    /// Sets up pictures of `size` pixels from `view`, with the piano roll below. Smooth edges take
+    /// twice as long where the processor draws.
     ///
     /// # Errors
     /// If there is no OpenGL, or nothing to draw.
@@ -134,11 +136,12 @@ impl<'a> Studio<'a> {
         write_png(path, size, pixels)
     }
 
-    /// Writes the whole recording as a video with its sound; without ffmpeg as pictures in a folder. Reports
-    /// the share that is done, 0 to 1.
+    /// Writes the whole recording as a video with its sound; without ffmpeg as pictures in a
+    /// folder. Reports the share that is done, 0 to 1.
     ///
     /// # Errors
-    /// If drawing, encoding or writing fails; [`Interrupted`] if the job is interrupted. Then nothing is kept.
+    /// If drawing, encoding or writing fails; [`Interrupted`] if the job is interrupted. Then
+    /// nothing is kept.
     pub fn video(&mut self, path: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<Video> {
         let without_ffmpeg = path.with_extension("frames");
         let has_ffmpeg = has_ffmpeg();

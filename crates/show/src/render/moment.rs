@@ -1,15 +1,15 @@
-//! What is seen at a moment of a recording: the joints, the colours of the keys, the fingertips' shadows and the arm.
+//! The scene at a time of a recording: joints, colours of the keys, shadows of the fingertips, the
+//! arm.
 
 use etude_music::{KEY_COUNT, LOWEST_PITCH};
 use etude_stage::{DRIVEN_JOINTS, SceneGeom};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::replay::{Arm, Shown, Take};
-use crate::strip;
+use crate::replay::{Arm, DUE_COLOUR, NoteJudgement, Take};
 
 /// Height of the fingertips' shadows, just above the white keys, m.
 const FLOOR: f64 = 0.0229;
-/// Radius of a fingertip's shadow when it touches, m, and height at which it is gone, m.
+/// Radius of a fingertip's shadow when it touches, m, and height at which it vanishes, m.
 const SHADOW: [f64; 2] = [0.016, 0.06];
 /// Shadows of one fingertip, one in another, which make its edge soft.
 const SHADOWS: u32 = 4;
@@ -20,13 +20,13 @@ const ARM: [f32; 4] = [0.86, 0.87, 0.88, 1.0];
 pub(super) fn joints_at(take: &Take, secs: f64) -> [f64; DRIVEN_JOINTS] {
     let last = take.positions.len() - 1;
     // Row `i` is the end of step `i`; before the first there is the start, if it is known.
-    let place = (secs * take.control_hz - 1.0).clamp(-1.0, last as f64);
-    let row = |place: f64| match &take.start {
-        Some(start) if place < 0.0 => start,
-        _ => &take.positions[place.max(0.0) as usize],
+    let index = (secs * take.control_hz - 1.0).clamp(-1.0, last as f64);
+    let row = |index: f64| match &take.start {
+        Some(start) if index < 0.0 => start,
+        _ => &take.positions[index.max(0.0) as usize],
     };
-    let (from, to) = (row(place.floor()), row(place.ceil()));
-    let share = place - place.floor();
+    let (from, to) = (row(index.floor()), row(index.ceil()));
+    let share = index - index.floor();
     std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
 }
 
@@ -40,22 +40,23 @@ pub(super) fn key_colours(take: &Take, secs: f64) -> [Option<[f32; 3]>; KEY_COUN
         }
     };
     for note in take.due_notes.iter().filter(|note| (note.start..note.end).contains(&secs)) {
-        light(note.pitch, strip::DUE);
+        light(note.pitch, DUE_COLOUR);
     }
-    let mut now = take.stretches();
-    now.retain(|stretch| (stretch.note.start..stretch.note.end).contains(&secs));
-    // What began last is shown: a key that is held from the note before does not play the next one.
+    let mut now = take.judged_notes();
+    now.retain(|judged| (judged.note.start..judged.note.end).contains(&secs));
+    // The last onset counts: a key that is held from the note before does not play the next one.
     now.sort_by(|one, other| one.note.start.total_cmp(&other.note.start));
-    for stretch in now.iter().filter(|stretch| stretch.shown != Shown::Played) {
-        light(stretch.note.pitch, strip::colour(stretch.shown));
+    for judged in now.iter().filter(|judged| judged.judgement != NoteJudgement::Unjudged) {
+        light(judged.note.pitch, judged.judgement.colour());
     }
     colours
 }
 
-/// The soft shadow of a fingertip at `tip` on the white keys: smaller and fainter, the higher it is.
+/// The soft shadow of a fingertip at `tip` on the white keys: smaller and fainter, the higher it
+/// is.
 pub(super) fn shadow([x, y, z]: [f64; 3]) -> impl Iterator<Item = SceneGeom> {
-    let [radius, gone] = SHADOW;
-    let near = 1.0 - ((z - FLOOR) / gone).clamp(0.0, 1.0);
+    let [radius, height] = SHADOW;
+    let near = 1.0 - ((z - FLOOR) / height).clamp(0.0, 1.0);
     let layers = if near > 0.0 { SHADOWS } else { 0 };
     (1..=layers).map(move |layer| {
         let radius = radius * f64::from(layer) / f64::from(SHADOWS) * (1.6 - 0.6 * near);
@@ -81,14 +82,14 @@ pub(super) fn links(arm: &Arm, step: f64) -> Vec<SceneGeom> {
     let row: Vec<f64> = from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect();
     let points: Vec<Vector3<f64>> = row.chunks_exact(3).map(Vector3::from_column_slice).collect();
     let tube = |(ends, radius): (&[Vector3<f64>], &f64)| {
-        let way = ends[1] - ends[0];
-        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &way)
+        let link = ends[1] - ends[0];
+        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &link)
             .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
         SceneGeom {
             name: String::new(),
             body: -1,
             kind: "capsule".to_string(),
-            size: [*radius, way.norm() / 2.0, 0.0],
+            size: [*radius, link.norm() / 2.0, 0.0],
             pos: ((ends[0] + ends[1]) / 2.0).into(),
             quat: [turn.w, turn.i, turn.j, turn.k],
             rgba: ARM,
@@ -149,17 +150,17 @@ pub(super) mod tests {
         // A few milliseconds late are right, and until then the key is due.
         let right = second(60, 0.53);
         assert_eq!(colour(&right, 0.2, 60), None);
-        assert_eq!(colour(&right, 0.52, 60), Some(strip::DUE));
-        assert_eq!(colour(&right, 0.6, 60), Some(strip::RIGHT));
-        assert_eq!(colour(&second(60, 0.6), 0.7, 60), Some(strip::OFF));
+        assert_eq!(colour(&right, 0.52, 60), Some(DUE_COLOUR));
+        assert_eq!(colour(&right, 0.6, 60), Some(NoteJudgement::Right.colour()));
+        assert_eq!(colour(&second(60, 0.6), 0.7, 60), Some(NoteJudgement::OutOfTime.colour()));
         let wrong = second(62, 0.5);
-        assert_eq!(colour(&wrong, 0.6, 60), Some(strip::MISSED));
-        assert_eq!(colour(&wrong, 0.6, 62), Some(strip::WRONG));
+        assert_eq!(colour(&wrong, 0.6, 60), Some(NoteJudgement::Missed.colour()));
+        assert_eq!(colour(&wrong, 0.6, 62), Some(NoteJudgement::Wrong.colour()));
         // Down since long before, it plays nothing.
         let mut held = take(Vec::new(), vec![vec![60]], Vec::new());
         held.notes = vec![PlayedNote { start: 0.0, ..held.due_notes[0] }];
-        assert_eq!(colour(&held, 0.4, 60), Some(strip::WRONG));
-        assert_eq!(colour(&held, 0.6, 60), Some(strip::MISSED));
+        assert_eq!(colour(&held, 0.4, 60), Some(NoteJudgement::Wrong.colour()));
+        assert_eq!(colour(&held, 0.6, 60), Some(NoteJudgement::Missed.colour()));
     }
 
     #[test]

@@ -9,7 +9,8 @@ use serde::Serialize;
 
 use super::rewards::rounded;
 
-/// Radius of the tube that is drawn from each point to the next, m (our choice; the xArm7 looks like this).
+/// Radius of the tube that is drawn from each point to the next, m (our choice; the xArm7 looks
+/// like this).
 const RADII: [f64; POINTS - 1] = [0.058, 0.05, 0.048, 0.046, 0.042, 0.038, 0.029];
 /// Base, shoulder, end of the upper arm, elbow, begin of the forearm, wrist, last axis, flange.
 const POINTS: usize = 8;
@@ -23,7 +24,8 @@ pub struct Arm {
     pub points: Vec<Vec<f64>>,
 }
 
-/// The arm at the end of each of `steps` control steps; none if the recording has no reports of an arm.
+/// The arm at the end of each of `steps` control steps; none if the recording has no reports of an
+/// arm.
 pub(super) fn arm(recording: &Recording, steps: usize, control_hz: f64) -> Option<Arm> {
     let reports: Vec<(f64, [f64; JOINTS], f64)> = recording
         .arm
@@ -49,8 +51,9 @@ pub(super) fn arm(recording: &Recording, steps: usize, control_hz: f64) -> Optio
     Some(Arm { radii: RADII.to_vec(), points: (0..steps).map(row).collect() })
 }
 
-/// Where the arm's base stands in the world. The arm looks at the keyboard from the player's side: its x is the keyboard's -x. The
-/// hand's mount gives the rest, in the median of the reports, since a robot may still come or already leave in some.
+/// Where the arm's base stands in the world. The arm looks at the keyboard from the player's side:
+/// its x is the keyboard's -x. The hand's mount gives the rest, in the median of the reports, since
+/// a robot may still come or already leave in some.
 fn place(reports: &[(f64, [f64; JOINTS], f64)]) -> Option<Vector3<f64>> {
     let place = |(_, joints, rail): &(f64, [f64; JOINTS], f64)| {
         let flange = Vector3::new(MOUNT[0] - FLANGE_END[2], *rail, MOUNT[1] - FLANGE_END[0]);
@@ -80,7 +83,8 @@ fn points(joints: &[f64; JOINTS]) -> [Vector3<f64>; POINTS] {
     let axes: [Axis; JOINTS] = std::array::from_fn(|joint| {
         let column = jacobian.column(joint);
         let (speed, axis) = (column.fixed_rows::<3>(0).into_owned(), column.fixed_rows::<3>(3).into_owned());
-        // The speed of the flange is axis × (flange − point), of which this leaves the part across the axis.
+        // The speed of the flange is axis × (flange − point), of which this leaves the part across
+        // the axis.
         (flange - speed.cross(&axis), axis)
     });
     let near = |on: usize, to: usize| nearest(axes[on - 1], axes[to - 1]);

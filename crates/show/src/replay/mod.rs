@@ -1,9 +1,12 @@
-//! Replays: recordings as one self-contained page that shows the hand, the score and the keys, and plays the sound.
+//! Replays: recordings as one self-contained page that shows the hand, the score and the keys, and
+//! plays the sound.
 //!
 //! [`Take`] is the page's data of a recording; `viewer/` draws it.
 
 mod arm;
-mod heard;
+mod judged;
+mod marks;
+mod matching;
 mod page;
 mod rewards;
 mod roll;
@@ -17,13 +20,15 @@ use etude_perform::Recording;
 use walkdir::{DirEntry, WalkDir};
 
 pub use arm::Arm;
-pub use heard::Heard;
+pub(crate) use judged::{DUE_COLOUR, FILL_OF_OUT_OF_TIME, NoteJudgement};
+pub use marks::{Mark, MarkKind};
+pub use matching::NoteMatch;
 pub use page::replay_page;
-pub(crate) use roll::{Shown, roll_svg};
-pub use take::{Mark, MarkKind, PlayedNote, Take};
+pub(crate) use roll::roll_svg;
+pub use take::{PlayedNote, Take};
 
-/// The recordings that a path means: itself, or those below it if it is a folder, sorted. Those that a performance on a robot has moved aside
-/// are left out.
+/// The recordings that a path means: itself, or those below it if it is a folder, sorted. Those
+/// that a performance on a robot has moved aside are left out.
 ///
 /// # Errors
 /// If a folder cannot be read, or none is there.
@@ -60,7 +65,8 @@ pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
 /// Reads a recording as the page needs it.
 ///
 /// # Errors
-/// If it cannot be read at all. A damaged or unfinished one is read as far as it goes, which its [`Take`] says.
+/// If it cannot be read at all. A damaged or unfinished one is read as far as it goes, which its
+/// [`Take`] says.
 pub fn read_take(path: &Path) -> anyhow::Result<Take> {
     Take::new(&Recording::read(path)?, path.display().to_string())
 }

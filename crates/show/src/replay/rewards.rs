@@ -19,16 +19,16 @@ pub struct RewardCurve {
     pub values: Vec<f64>,
 }
 
-/// Terms that need what no robot measures (power, contacts, the rail's speed within a step, how deep a silent key is). No recording has the
-/// goals of a fingering.
+/// Terms that need what no robot measures (power, contacts, the rail's speed within a step, how
+/// deep a silent key is). No recording has the goals of a fingering.
 const NOT_KNOWN: [&str; 5] = ["energy", "collision", "sliding", "wrong_travel", "tracking"];
 
 fn is_unknown(name: &str) -> bool {
     NOT_KNOWN.contains(&name) || OF_A_FINGERING.contains(&name)
 }
 
-/// The terms and a note about them: as a simulation has recorded them, or as the measured joints and keys of a robot would
-/// have earned them.
+/// The terms and a note about them: as a simulation has recorded them, or as the measured joints
+/// and keys of a robot would have earned them.
 pub(super) fn rewards(
     recording: &Recording,
     task: &TaskConfig,
@@ -89,7 +89,8 @@ fn measured(
     let mut curves: Vec<RewardCurve> =
         names.iter().map(|name| RewardCurve { name: (*name).to_string(), values: Vec::new() }).collect();
     let mut parts = vec![0.0; names.len()];
-    // Nothing is recorded of the pose before the first step, so its change of action counts as none.
+    // Nothing is recorded of the pose before the first step, so its change of action counts as
+    // none.
     let mut previous: Option<[f32; ACTION_LEN]> = None;
     for (step, (pressed, joints)) in pressed.iter().zip(positions).enumerate() {
         let action = recording.policy.get(step).and_then(|message| message.action.as_slice().try_into().ok());

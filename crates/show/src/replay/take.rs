@@ -1,6 +1,5 @@
 //! The page's data of one recording.
 
-use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::Path;
 
@@ -18,18 +17,15 @@ use etude_task::TaskConfig;
 use serde::Serialize;
 
 use super::arm::{Arm, arm};
-use super::heard::{Heard, heard};
+use super::marks::{Mark, marks};
+use super::matching::{NoteMatch, match_notes};
 use super::rewards::{RewardCurve, rewards, rounded};
 
-/// Clamps of one joint by one limit that are no further apart than this are one mark, s.
-const CLAMPS_APART_SECS: f64 = 0.25;
-/// Notes of one piece are due at the same times from its first note on, except for differences of at most this, s.
+/// Notes of one piece are due at the same times from its first note on, except for differences of
+/// at most this, s.
 const SAME_RHYTHM_SECS: f64 = 0.05;
-/// Longest text of a mark, characters.
-const LONGEST_TEXT: usize = 400;
-
-/// One recording. Lengths in m, angles in rad, times in s; lists with a value a control step have the end of step `i` at
-/// `(i + 1) / control_hz`.
+/// One recording. Lengths in m, angles in rad, times in s; lists with a value a control step have
+/// the end of step `i` at `(i + 1) / control_hz`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Take {
     /// Its name: its path.
@@ -64,23 +60,26 @@ pub struct Take {
     pub due: Vec<Vec<u8>>,
     /// Pitches that sounded at the end of each control step.
     pub pressed: Vec<Vec<u8>>,
-    /// Keys that F1 compares with those that are due in each control step: see [`Header::late_secs`].
+    /// Keys that F1 compares with those that are due in each control step: see
+    /// [`Header::late_secs`].
     #[serde(skip)]
-    pub(super) heard_keys: Vec<KeySet>,
-    /// Time from the end of each control step to the moment of its `heard_keys`.
+    pub(super) scored_keys: Vec<KeySet>,
+    /// Time from the end of each control step to the moment of its `scored_keys`.
     #[serde(skip)]
     pub(super) late_secs: f64,
     /// The notes that were played.
     pub notes: Vec<PlayedNote>,
-    /// The notes that were due; empty without a song, and in a recording of an Étude that did not write them yet.
+    /// The notes that were due; empty without a song, and in a recording of an Étude that did not
+    /// write them yet.
     pub due_notes: Vec<PlayedNote>,
     /// By which of `notes` each of `due_notes` was played.
-    pub heard: Vec<Option<Heard>>,
+    pub matches: Vec<Option<NoteMatch>>,
     /// Scores by note; none without `due_notes`.
     pub note_scores: Option<NoteScores>,
-    /// Scores of the steps so far, after each step, of `heard_keys`; empty without a song.
+    /// Scores of the steps so far, after each step, of `scored_keys`; empty without a song.
     pub running: Running,
-    /// Scores of the whole song, in which steps that were not played count as silent; none without a song.
+    /// Scores of the whole song, in which steps that were not played count as silent; none without
+    /// a song.
     #[serde(rename = "final")]
     pub last: Option<FrameScores>,
     /// The reward's terms.
@@ -118,33 +117,9 @@ pub struct Running {
     pub recall: Vec<f64>,
 }
 
-/// The kind of a mark on the time line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum MarkKind {
-    /// The robot stopped itself.
-    Fault,
-    /// Something that an operator should read.
-    Warning,
-    /// The robot entered another phase.
-    Phase,
-    /// The limiter changed set-points.
-    Clamp,
-}
-
-/// A mark on the time line.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Mark {
-    /// When.
-    pub secs: f64,
-    /// What it is about.
-    pub kind: MarkKind,
-    /// What happened.
-    pub text: String,
-}
-
 impl Take {
-    /// Whether the same notes were due here as in `other`, in the same rhythm, whatever the lead of each.
+    /// Whether the same notes were due here as in `other`, in the same rhythm, whatever the lead of
+    /// each.
     pub fn has_the_notes_of(&self, other: &Self) -> bool {
         let ([first, ..], [theirs, ..]) = (self.due_notes.as_slice(), other.due_notes.as_slice()) else {
             return self.due_notes.len() == other.due_notes.len() && self.due == other.due;
@@ -177,7 +152,7 @@ impl Take {
         let hz = if (1.0..=1000.0).contains(&header.control_hz) { header.control_hz } else { CONTROL_HZ };
         let end_secs = steps.len() as f64 / hz;
         let (down_before, events) = events(recording, end_secs + header.late_secs.unwrap_or_default());
-        let heard_keys = match header.late_secs {
+        let scored_keys = match header.late_secs {
             Some(late_secs) => {
                 let times = (1..=steps.len()).map(|step| step as f64 / hz + late_secs);
                 keys_at(down_before, &events, times)
@@ -192,7 +167,7 @@ impl Take {
         let mut running = Running::default();
         if !due.is_empty() {
             let mut tally = FrameTally::default();
-            for (step, pressed) in heard_keys.iter().enumerate() {
+            for (step, pressed) in scored_keys.iter().enumerate() {
                 tally.push(due.get(step).copied().unwrap_or_default(), *pressed);
                 let scores = tally.scores();
                 running.f1.push(rounded(scores.f1));
@@ -204,7 +179,7 @@ impl Take {
             steps.iter().map(|step| std::array::from_fn(|joint| step.positions[joint])).collect();
         let notes = notes_from_key_events(&events, end_secs);
         let due_notes: Vec<Note> = header.due_notes.iter().map(|note| Note::from(*note)).collect();
-        let (rewards, rewards_note) = rewards(recording, &task, &mut world, &due, &heard_keys, &positions);
+        let (rewards, rewards_note) = rewards(recording, &task, &mut world, &due, &scored_keys, &positions);
         Ok(Self {
             name,
             song: header.song.clone(),
@@ -220,16 +195,16 @@ impl Take {
             positions: positions.iter().map(|row| row.map(rounded).to_vec()).collect(),
             start,
             arm,
-            heard: heard(&due_notes, &notes),
+            matches: match_notes(&due_notes, &notes),
             note_scores: (!due_notes.is_empty()).then(|| note_scores(&due_notes, &notes)),
             due_notes: due_notes.iter().map(PlayedNote::of).collect(),
             notes: notes.iter().map(PlayedNote::of).collect(),
             running,
-            last: (!due.is_empty()).then(|| frame_scores(&due, &heard_keys)),
+            last: (!due.is_empty()).then(|| frame_scores(&due, &scored_keys)),
             due: due.iter().map(|keys| keys.pitches().collect()).collect(),
             pressed: pressed.iter().map(|keys| keys.pitches().collect()).collect(),
             late_secs: header.late_secs.unwrap_or_default(),
-            heard_keys,
+            scored_keys,
             rewards,
             rewards_note,
             marks: marks(recording),
@@ -288,7 +263,8 @@ impl PlayedNote {
     }
 }
 
-/// Keys that are down at the beginning; strikes and releases from then on. A recording that broke off may have some after its last whole step.
+/// Keys that are down at the beginning; strikes and releases from then on. A recording that broke
+/// off may have some after its last whole step.
 fn events(recording: &Recording, end_secs: f64) -> (KeySet, Vec<KeyEvent>) {
     let on_keyboard = |pitch: u8| (LOWEST_PITCH..=HIGHEST_PITCH).contains(&pitch);
     let (before, events): (Vec<KeyEvent>, _) = recording
@@ -320,54 +296,8 @@ fn incomplete(recording: &Recording, steps: usize, due: usize) -> Option<String>
     (steps < due).then(|| format!("The performance ended early, after {of} control steps."))
 }
 
-fn marks(recording: &Recording) -> Vec<Mark> {
-    let mut marks: Vec<Mark> = recording
-        .notes
-        .iter()
-        .filter_map(|(secs, note)| {
-            let kind = match note.kind.as_str() {
-                "fault" => MarkKind::Fault,
-                "warning" => MarkKind::Warning,
-                "phase" => MarkKind::Phase,
-                _ => return None,
-            };
-            let text = note.text.chars().take(LONGEST_TEXT).collect();
-            Some(Mark { secs: rounded(*secs), kind, text })
-        })
-        .collect();
-    marks.extend(clamps(recording));
-    marks.sort_by(|one, other| one.secs.total_cmp(&other.secs));
-    marks
-}
-
-/// Clamps of the same joint by the same limit in a row are one mark.
-fn clamps(recording: &Recording) -> Vec<Mark> {
-    let mut open: BTreeMap<(usize, &str), [f64; 2]> = BTreeMap::new();
-    let mut marks = Vec::new();
-    let mark = |(joint, limit): (usize, &str), [from, to]: [f64; 2]| {
-        let name = recording.header.joints.get(joint).map_or("a joint", String::as_str);
-        let limit: String = limit.chars().take(LONGEST_TEXT).collect();
-        Mark {
-            secs: rounded(from),
-            kind: MarkKind::Clamp,
-            text: format!("{name}: set-points changed by the limit of {limit} for {:.2} s", to - from),
-        }
-    };
-    for (secs, point) in &recording.setpoints {
-        for (joint, limit) in &point.clamps {
-            let row = open.entry((*joint, limit.as_str())).or_insert([*secs; 2]);
-            if *secs > row[1] + CLAMPS_APART_SECS {
-                marks.push(mark((*joint, limit), *row));
-                row[0] = *secs;
-            }
-            row[1] = *secs;
-        }
-    }
-    marks.extend(open.into_iter().map(|(which, row)| mark(which, row)));
-    marks
-}
-
-/// The player, in short: a policy that comes with Étude, or that of a run, by its name and without its path.
+/// The player, in short: a policy that comes with Étude, or that of a run, by its name and without
+/// its path.
 fn who(player: &str, song: &str) -> String {
     let path = Path::new(player);
     // The training of a rehearsal's round is named by the round.

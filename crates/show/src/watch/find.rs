@@ -12,11 +12,13 @@ use super::METRICS;
 
 /// Older runs in a folder are left out.
 const RECENT: Duration = Duration::from_secs(24 * 3600);
-/// Folders between one that is named and a run in it: `runs/TASK/rehearsal/round-1/training`, and one more.
+/// Folders between one that is named and a run in it: `runs/TASK/rehearsal/round-1/training`, and
+/// one more.
 const DEPTH: usize = 5;
 
-/// The runs in `folders`. One that is a run itself, or an experiment's task with a `training`, means that run; any other
-/// means the runs in it that were written to in the day before `now`, the last one first, at most `most` of them.
+/// The runs in `folders`. One that is a run itself, or an experiment's task with a `training`,
+/// means that run; any other means the runs in it that were written to in the day before `now`, the
+/// last one first, at most `most` of them.
 ///
 /// # Errors
 /// If a folder is missing, holds no run, or none that is recent.

@@ -4,10 +4,11 @@ use std::fs::File;
 use std::io::{ErrorKind, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// So many of the last bytes are compared before reading on. A line of a training's log is shorter, and says when it was
-/// written, so another file does not have the same bytes at the same place.
+/// So many of the last bytes are compared before reading on. A line of a training's log is shorter,
+/// and says when it was written, so another file does not have the same bytes at the same place.
 const TAIL: usize = 1024;
-/// Longer lines are dropped, for example the zeros that a crash leaves, so that they do not fill the memory.
+/// Longer lines are dropped, for example the zeros that a crash leaves, so that they do not fill
+/// the memory.
 const LONGEST_LINE: usize = 1 << 20;
 
 /// A file and how far it has been read.

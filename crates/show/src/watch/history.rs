@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-/// Rows over which the speed is averaged: long enough to hold an evaluation or a checkpoint, short enough to follow.
+/// Rows over which the speed is averaged: long enough to hold an evaluation or a checkpoint, short
+/// enough to follow.
 const SPEED_ROWS: usize = 10;
 
 /// A value at a time of a training.

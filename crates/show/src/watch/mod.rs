@@ -19,10 +19,11 @@ use follow::Follower;
 
 const METRICS: &str = "metrics.jsonl";
 /// Bytes that are read at once, so that the reader can do something else between.
-const AT_ONCE: usize = 8 << 20;
-/// A training is `Silent` when it has logged nothing for this many of its intervals and for this many seconds.
-const PATIENCE_INTERVALS: f64 = 3.0;
-const PATIENCE_SECS: f64 = 120.0;
+const MAX_READ_BYTES: usize = 8 << 20;
+/// A training is `Silent` when it has logged nothing for this many of its intervals and for this
+/// many seconds.
+const SILENCE_TIMEOUT_INTERVALS: f64 = 3.0;
+const SILENCE_TIMEOUT_SECS: f64 = 120.0;
 
 /// A run that is watched.
 pub struct WatchedRun {
@@ -123,7 +124,7 @@ impl WatchedRun {
     pub fn read(&mut self) -> anyhow::Result<bool> {
         let piece = self
             .follower
-            .read(AT_ONCE)
+            .read(MAX_READ_BYTES)
             .map_err(|error| anyhow!("cannot read {}: {error}", self.folder.join(METRICS).display()))?;
         if piece.restarted {
             self.history = History::default();
@@ -200,8 +201,8 @@ impl WatchedRun {
         }
         let interval = self.intervals.log_every_steps.zip(steps_per_sec);
         let interval_secs = interval.map_or(0.0, |(steps, rate)| steps / rate.max(1e-3));
-        let patience = PATIENCE_SECS.max(PATIENCE_INTERVALS * interval_secs);
-        if age_secs.is_some_and(|age| age > patience) { RunState::Silent } else { RunState::Running }
+        let timeout = SILENCE_TIMEOUT_SECS.max(SILENCE_TIMEOUT_INTERVALS * interval_secs);
+        if age_secs.is_some_and(|age| age > timeout) { RunState::Silent } else { RunState::Running }
     }
 }
 
@@ -219,7 +220,8 @@ fn title(folder: &Path) -> Option<String> {
     Some(meta["song"].as_str()?.to_string())
 }
 
-/// What to call the run in `folder`: the folder's name, without the folders that are called the same in every task and rehearsal.
+/// What to call the run in `folder`: the folder's name, without the folders that are called the
+/// same in every task and rehearsal.
 fn name(folder: &Path) -> String {
     let path = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     let mut parts = Vec::new();

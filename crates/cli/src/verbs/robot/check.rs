@@ -1,5 +1,5 @@
-//! `etude robot check`: brings a robot up, on request turns each joint of its hand a little, and prints serial numbers, versions,
-//! temperature and place.
+//! `etude robot check`: brings a robot up, with --wiggle turns each joint of its hand a little, and
+//! prints serial numbers, versions, temperature and position.
 
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -10,15 +10,15 @@ use etude_robot::{WIGGLED, Wiggled, wiggle};
 use serde_json::json;
 
 use super::Rig;
-use crate::Ending;
+use crate::output::{Ending, line, note, print_json};
 use crate::progress::stop_flag;
-use crate::verbs::{json as print_json, line, note};
 
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
     rig: Rig,
-    /// Also turn each joint of the hand by 0.065 rad and back, one after the other, and check that it follows; the arm stands still
+    /// Also turn each joint of the hand by 0.065 rad and back, one after the other, and check that
+    /// it follows; the arm does not move
     #[arg(long)]
     wiggle: bool,
 }
@@ -41,7 +41,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     let (fault, mut wiggled) = released(&mut session, wiggled)?;
     let is_stopped = interrupt.load(Ordering::Relaxed);
     if is_stopped && let Some(found) = &mut wiggled {
-        // The joint that was being turned had no time to arrive.
+        // The joint that was being turned had no time to follow.
         found.pop_if(|joint| joint.problem().is_some());
     }
     let robot = &session.robot;
@@ -71,7 +71,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         line(format!("hand      {}, board {} °C", text(&hand["serial"]), hand["board_celsius"]))?;
         line(format!("arm       {}, firmware {}", text(&arm["serial"]), text(&arm["firmware"])))?;
         line(format!(
-            "place     {:+.3} m along the keyboard, {:.0} mm from the path that was calibrated",
+            "position  {:+.3} m along the keyboard, {:.0} mm from the calibrated path",
             place.rail_m,
             place.beside_m * 1e3
         ))?;
@@ -80,9 +80,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
             line(format!("warning   {warning}"))?;
         }
         if let Some(fence) = fence {
-            line(format!(
-                "box       none yet; this one fits, write it into the rig's file under [arm]: {fence}"
-            ))?;
+            line(format!("fence     none yet; a suitable one for the rig's file, under [arm]: {fence}"))?;
         }
         for joint in wiggled.iter().flatten() {
             line(format!(
@@ -96,9 +94,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     }
     if is_stopped {
         if let Some(fault) = fault {
-            note(format!(
-                "the robot stopped itself: {fault}; remove the cause, then give the same command again"
-            ));
+            note(format!("safety stop: {fault}; remove the cause, then repeat the command"));
         }
         return Ok(Ending::Stopped);
     }
@@ -107,13 +103,11 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     let wrong: Vec<String> = wrong.collect();
     match fault {
         _ if !wrong.is_empty() => {
-            let stopped = fault.map(|fault| format!("; the robot stopped itself: {fault}"));
+            let stopped = fault.map(|fault| format!("; safety stop: {fault}"));
             anyhow::bail!("{}{}", wrong.join("; "), stopped.unwrap_or_default())
         }
         Some(fault) => {
-            anyhow::bail!(
-                "the robot stopped itself: {fault}; remove the cause, then give the same command again"
-            )
+            anyhow::bail!("safety stop: {fault}; remove the cause, then repeat the command")
         }
         None if args.wiggle && found.len() < WIGGLED => {
             anyhow::bail!("stopped after {} of {WIGGLED} joints", found.len())

@@ -1,4 +1,4 @@
-//! Files of the working folder: those that the verbs write and the page shows.
+//! The files of the working folder that the page shows.
 
 use std::fs::File;
 use std::io::{Seek as _, SeekFrom};
@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use hyper::StatusCode;
 use hyper::header;
 
-use super::http::{Answer, Content, Refusal};
+use super::message::{ApiError, Content, HttpResponse};
 
 /// Folders whose files are served.
 const FOLDERS: [&str; 2] = ["out", "songs"];
-/// Endings of the files that are served, and the type of each.
-const KINDS: [(&str, &str); 6] = [
+/// Extensions of the files that are served, and their content types.
+const CONTENT_TYPES: [(&str, &str); 6] = [
     ("html", "text/html; charset=utf-8"),
     ("wav", "audio/wav"),
     ("mid", "audio/midi"),
@@ -23,19 +23,20 @@ const KINDS: [(&str, &str); 6] = [
 /// A page from a file is sandboxed: its scripts run, but have no access to this server.
 const POLICY: &str = "sandbox allow-scripts allow-downloads; frame-ancestors 'none'";
 
-/// The file at `parts` below `root`, or the part of it that `range` asks for.
-pub fn file(root: &Path, parts: &[String], range: Option<&str>) -> Result<Answer, Refusal> {
-    let missing = || Refusal::missing(format!("there is no file {} to show", parts.join("/")));
+/// The file at `parts` below `root`, or its `range`.
+pub fn file(root: &Path, parts: &[String], range: Option<&str>) -> Result<HttpResponse, ApiError> {
+    let missing = || ApiError::not_found(format!("there is no file {} to show", parts.join("/")));
     let path = inside(root, parts).ok_or_else(missing)?;
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-    let (_, kind) = KINDS.iter().find(|(known, _)| *known == ending).ok_or_else(missing)?;
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    let (_, content_type) =
+        CONTENT_TYPES.iter().find(|(known, _)| *known == extension).ok_or_else(missing)?;
     let mut file = File::open(&path).map_err(|_| missing())?;
     let length = file.metadata().map_err(|_| missing())?.len();
     let (status, first, last) = match range.map(|range| bounds(range, length)) {
         None => (StatusCode::OK, 0, length),
         Some(Some((first, last))) => (StatusCode::PARTIAL_CONTENT, first, last),
         Some(None) => {
-            return Err(Refusal::new(StatusCode::RANGE_NOT_SATISFIABLE, "the file does not reach so far"));
+            return Err(ApiError::new(StatusCode::RANGE_NOT_SATISFIABLE, "the range is outside the file"));
         }
     };
     file.seek(SeekFrom::Start(first)).map_err(|_| missing())?;
@@ -43,10 +44,12 @@ pub fn file(root: &Path, parts: &[String], range: Option<&str>) -> Result<Answer
     if status == StatusCode::PARTIAL_CONTENT {
         headers.push((header::CONTENT_RANGE, format!("bytes {first}-{}/{length}", last - 1)));
     }
-    Ok(Answer { status, kind, policy: POLICY.to_string(), headers, body: Content::Part(file, last - first) })
+    let body = Content::FilePart(file, last - first);
+    Ok(HttpResponse { status, content_type, policy: POLICY.to_string(), headers, body })
 }
 
-/// The file, if it is in one of the folders, and no link on the way leads out of the working folder.
+/// The file, if it is in one of the folders and no link in its path leads out of the working
+/// folder.
 fn inside(root: &Path, parts: &[String]) -> Option<PathBuf> {
     let is_plain =
         |part: &String| !(part.is_empty() || part.starts_with('.') || part.contains(['/', '\\', '\0']));
@@ -57,13 +60,14 @@ fn inside(root: &Path, parts: &[String]) -> Option<PathBuf> {
     (path.starts_with(root) && path.is_file()).then_some(path)
 }
 
-/// First byte and the one after the last of a range such as `bytes=0-99`, `bytes=100-` or `bytes=-100`; none outside the file.
+/// First byte and the one after the last of a range such as `bytes=0-99`, `bytes=100-` or
+/// `bytes=-100`; none outside the file.
 fn bounds(range: &str, length: u64) -> Option<(u64, u64)> {
     let (first, last) = range.strip_prefix("bytes=")?.split_once('-')?;
     let (first, end) = match (first.parse::<u64>().ok(), last.parse::<u64>().ok()) {
         (Some(first), Some(last)) => (first, last.saturating_add(1).min(length)),
         (Some(first), None) if last.is_empty() => (first, length),
-        (None, Some(most)) if first.is_empty() => (length.saturating_sub(most), length),
+        (None, Some(count)) if first.is_empty() => (length.saturating_sub(count), length),
         _ => return None,
     };
     (first < end).then_some((first, end))
@@ -96,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn no_way_leads_out_of_the_folder() {
+    fn no_path_leads_out_of_the_folder() {
         let outside = tempfile::tempdir().unwrap();
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path().canonicalize().unwrap();
@@ -111,7 +115,9 @@ mod tests {
         std::os::unix::fs::symlink(root.join("out/a"), root.join("out/b")).unwrap();
         let get = |path: &str| {
             let parts: Vec<String> = path.split('|').map(str::to_string).collect();
-            let Content::Part(mut file, length) = file(&root, &parts, None).ok()?.body else { return None };
+            let Content::FilePart(mut file, length) = file(&root, &parts, None).ok()?.body else {
+                return None;
+            };
             let mut text = String::new();
             assert_eq!(file.read_to_string(&mut text).unwrap() as u64, length);
             Some(text)

@@ -1,154 +1,71 @@
-//! Requests and answers over HTTP/1.1.
+//! The server: HTTP/1.1 connections until a stop is requested.
 
-use std::collections::BTreeMap;
 use std::convert::Infallible;
-use std::fs::File;
 use std::io::Read as _;
 use std::net::TcpListener;
-use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::task::{Context, Poll};
 use std::time::Duration;
 
-use http_body_util::{BodyExt as _, Limited};
-use hyper::body::{Body, Bytes, Frame, Incoming, SizeHint};
-use hyper::header::{self, HeaderName};
+use http_body_util::channel::Channel;
+use http_body_util::{BodyExt as _, Either, Full, Limited};
+use hyper::body::{Body as _, Bytes, Incoming};
+use hyper::header;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
-use hyper::{Method, Response, StatusCode};
+use hyper::{Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use serde_json::json;
 use tokio::net::TcpListener as AsyncListener;
-use tokio::sync::{Semaphore, mpsc};
+use tokio::sync::Semaphore;
 
-use super::super::note;
-use super::routes::Site;
+use super::message::{ApiError, Content, HttpRequest, HttpResponse};
+use super::router::Server;
+use crate::output::note;
 
-/// The largest request, bytes.
-const LARGEST: usize = 1 << 20;
-/// How long a request may take to arrive.
-const ARRIVAL: Duration = Duration::from_secs(10);
+const MAX_REQUEST_BYTES: usize = 1 << 20;
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// Connections at a time; more wait.
-const MOST_CONNECTIONS: usize = 64;
-/// The largest piece of a file that is in memory, bytes.
-const PIECE: usize = 1 << 16;
-/// Longest time between two looks at the request to stop.
-const LOOK: Duration = Duration::from_millis(50);
+const MAX_CONNECTIONS: usize = 64;
+/// Bytes of a file that are read at a time.
+const CHUNK_BYTES: usize = 1 << 16;
+/// Longest time between two checks of the request to stop.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// A request that was admitted.
-pub struct Request {
-    pub method: Method,
-    /// The parts of its path after the token, decoded.
-    pub path: Vec<String>,
-    /// The values after the `?`, decoded.
-    pub query: BTreeMap<String, String>,
-    /// Which part of a file is asked for.
-    pub range: Option<String>,
-    pub body: Bytes,
-}
+/// Bytes, or a file in chunks that another thread reads.
+type ResponseBody = Either<Full<Bytes>, Channel<Bytes, std::io::Error>>;
 
-/// What is sent back.
-pub struct Answer {
-    pub status: StatusCode,
-    /// The type of the content.
-    pub kind: &'static str,
-    /// What the content may do in a browser.
-    pub policy: String,
-    pub headers: Vec<(HeaderName, String)>,
-    pub body: Content,
-}
-
-/// What an answer holds.
-pub enum Content {
-    Bytes(Bytes),
-    /// The next so many bytes of a file, which are sent in pieces.
-    Part(File, u64),
-}
-
-impl<T: Into<Bytes>> From<T> for Content {
-    fn from(bytes: T) -> Self {
-        Self::Bytes(bytes.into())
-    }
-}
-
-impl Answer {
-    /// A value as JSON.
-    pub fn json(value: &serde_json::Value) -> Self {
-        Self {
-            status: StatusCode::OK,
-            kind: "application/json",
-            policy: "default-src 'none'; sandbox".to_string(),
-            headers: Vec::new(),
-            body: value.to_string().into(),
-        }
-    }
-}
-
-/// Why a request is not served, in words for the page.
-#[derive(Debug)]
-pub struct Refusal {
-    status: StatusCode,
-    why: String,
-}
-
-impl Refusal {
-    pub fn new(status: StatusCode, why: impl Into<String>) -> Self {
-        Self { status, why: why.into() }
-    }
-
-    /// Something that is not there.
-    pub fn missing(why: impl Into<String>) -> Self {
-        Self::new(StatusCode::NOT_FOUND, why)
-    }
-}
-
-/// What is wrong with what was asked for.
-impl From<anyhow::Error> for Refusal {
-    fn from(error: anyhow::Error) -> Self {
-        Self::new(StatusCode::BAD_REQUEST, crate::message(&error))
-    }
-}
-
-impl From<Refusal> for Answer {
-    fn from(refusal: Refusal) -> Self {
-        Self { status: refusal.status, ..Self::json(&json!({ "error": refusal.why })) }
-    }
-}
-
-/// Answers until `stop` is set, then stops the jobs and waits until they have ended.
-pub fn serve(listener: TcpListener, site: &Arc<Site>, stop: &AtomicBool) -> anyhow::Result<()> {
+/// Serves until `stop` is set, then stops the jobs and waits until they have ended.
+pub fn serve(listener: TcpListener, server: &Arc<Server>, stop: &AtomicBool) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         listener.set_nonblocking(true)?;
         let listener = AsyncListener::from_std(listener)?;
-        let places = Arc::new(Semaphore::new(MOST_CONNECTIONS));
+        let connections = Arc::new(Semaphore::new(MAX_CONNECTIONS));
         while !stop.load(Ordering::Relaxed) {
-            let Ok(Ok(place)) = tokio::time::timeout(LOOK, places.clone().acquire_owned()).await else {
-                continue;
-            };
-            match tokio::time::timeout(LOOK, listener.accept()).await {
+            let permit = tokio::time::timeout(POLL_INTERVAL, connections.clone().acquire_owned()).await;
+            let Ok(Ok(permit)) = permit else { continue };
+            match tokio::time::timeout(POLL_INTERVAL, listener.accept()).await {
                 Ok(Ok((stream, _))) => {
-                    let site = site.clone();
+                    let server = server.clone();
                     tokio::spawn(async move {
-                        connection(stream, site).await;
-                        drop(place);
+                        connection(stream, server).await;
+                        drop(permit);
                     });
                 }
-                // A connection may be gone already, or too many files are open.
-                Ok(Err(_)) => tokio::time::sleep(LOOK).await,
+                // The connection may be closed already, or too many files are open.
+                Ok(Err(_)) => tokio::time::sleep(POLL_INTERVAL).await,
                 Err(_) => {}
             }
         }
         drop(listener);
-        site.jobs.stop_all();
-        if site.jobs.any_runs() {
+        server.jobs.stop_all();
+        if server.jobs.any_runs() {
             note(
                 "stopping all running commands; a training saves its state. Press Ctrl-C again to end the server at once",
             );
         }
-        while site.jobs.any_runs() {
-            tokio::time::sleep(LOOK).await;
+        while server.jobs.any_runs() {
+            tokio::time::sleep(POLL_INTERVAL).await;
         }
         anyhow::Ok(())
     })?;
@@ -156,31 +73,31 @@ pub fn serve(listener: TcpListener, site: &Arc<Site>, stop: &AtomicBool) -> anyh
     Ok(())
 }
 
-async fn connection(stream: tokio::net::TcpStream, site: Arc<Site>) {
+async fn connection(stream: tokio::net::TcpStream, server: Arc<Server>) {
     let service = service_fn(move |request| {
-        let site = site.clone();
+        let server = server.clone();
         async move {
-            let answer = answer(request, site).await.unwrap_or_else(Answer::from);
-            Ok::<_, Infallible>(response(answer))
+            let response = respond(request, server).await.unwrap_or_else(HttpResponse::from);
+            Ok::<_, Infallible>(with_headers(response))
         }
     });
     let mut builder = http1::Builder::new();
-    builder.timer(TokioTimer::new()).header_read_timeout(ARRIVAL);
-    // An error here is a browser that has gone.
+    builder.timer(TokioTimer::new()).header_read_timeout(REQUEST_TIMEOUT);
+    // It fails when the browser closes the connection.
     let _ = builder.serve_connection(TokioIo::new(stream), service).await;
 }
 
-async fn answer(request: hyper::Request<Incoming>, site: Arc<Site>) -> Result<Answer, Refusal> {
+async fn respond(request: hyper::Request<Incoming>, server: Arc<Server>) -> Result<HttpResponse, ApiError> {
     let too_large = || {
-        let most = LARGEST >> 20;
-        let why = format!(
-            "it is larger than {most} MiB; put a larger MIDI file into the folder songs, and it is listed"
+        let message = format!(
+            "it is larger than {} MiB; put a larger MIDI file into the folder songs, and it is listed",
+            MAX_REQUEST_BYTES >> 20
         );
-        Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, why)
+        ApiError::new(StatusCode::PAYLOAD_TOO_LARGE, message)
     };
     let (head, body) = request.into_parts();
-    let rest = site.gate.admit(&head.method, &head.uri, &head.headers)?;
-    let malformed = || Refusal::new(StatusCode::BAD_REQUEST, "the address is malformed");
+    let rest = server.auth.authorize(&head.method, &head.uri, &head.headers)?;
+    let malformed = || ApiError::bad_request("the address is malformed");
     let path = rest.split('/').map(decoded).collect::<Option<_>>().ok_or_else(malformed)?;
     let query = head.uri.query().unwrap_or_default().split('&').filter(|pair| !pair.is_empty());
     let pair = |pair: &str| {
@@ -188,97 +105,65 @@ async fn answer(request: hyper::Request<Incoming>, site: Arc<Site>) -> Result<An
         Some((decoded(key)?, decoded(value)?))
     };
     let query = query.map(pair).collect::<Option<_>>().ok_or_else(malformed)?;
-    if body.size_hint().lower() > LARGEST as u64 {
+    if body.size_hint().lower() > MAX_REQUEST_BYTES as u64 {
         return Err(too_large());
     }
-    let body = tokio::time::timeout(ARRIVAL, Limited::new(body, LARGEST).collect())
+    let body = tokio::time::timeout(REQUEST_TIMEOUT, Limited::new(body, MAX_REQUEST_BYTES).collect())
         .await
-        .map_err(|_| Refusal::new(StatusCode::REQUEST_TIMEOUT, "the request did not arrive in time"))?
+        .map_err(|_| ApiError::new(StatusCode::REQUEST_TIMEOUT, "the request did not arrive in time"))?
         .map_err(|_| too_large())?
         .to_bytes();
     let range = head.headers.get(header::RANGE).and_then(|range| range.to_str().ok()).map(str::to_string);
-    let request = Request { method: head.method, path, query, range, body };
+    let request = HttpRequest { method: head.method, path, query, range, body };
     // Files and songs are read in another thread than that of the connections.
-    tokio::task::spawn_blocking(move || site.answer(&request)).await.map_err(|_| {
-        Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "the server failed; its terminal says why")
+    tokio::task::spawn_blocking(move || server.respond(&request)).await.map_err(|_| {
+        ApiError::new(StatusCode::INTERNAL_SERVER_ERROR, "the server failed; its terminal says why")
     })?
 }
 
-fn response(answer: Answer) -> Response<Sent> {
-    let mut response = Response::builder()
-        .status(answer.status)
-        .header(header::CONTENT_TYPE, answer.kind)
-        .header(header::CONTENT_SECURITY_POLICY, answer.policy)
+fn with_headers(response: HttpResponse) -> Response<ResponseBody> {
+    let mut builder = Response::builder()
+        .status(response.status)
+        .header(header::CONTENT_TYPE, response.content_type)
+        .header(header::CONTENT_SECURITY_POLICY, response.policy)
         .header(header::X_CONTENT_TYPE_OPTIONS, "nosniff")
         .header(header::X_FRAME_OPTIONS, "DENY")
         // The address holds the token.
         .header(header::REFERRER_POLICY, "no-referrer")
         .header(header::CACHE_CONTROL, "no-store")
         .header("cross-origin-resource-policy", "same-origin");
-    for (name, value) in answer.headers {
-        response = response.header(name, value);
+    if let Content::FilePart(_, length) = response.body {
+        builder = builder.header(header::CONTENT_LENGTH, length);
     }
-    response.body(Sent::new(answer.body)).expect("the headers are our own")
+    for (name, value) in response.headers {
+        builder = builder.header(name, value);
+    }
+    builder.body(body(response.body)).expect("the headers are our own")
 }
 
-/// A body on its way: bytes that are there, or pieces that another thread reads.
-struct Sent {
-    pieces: mpsc::Receiver<std::io::Result<Bytes>>,
-    left: u64,
-}
-
-impl Sent {
-    /// Files are read in a thread that waits while nobody takes their pieces, and ends when the browser has gone.
-    fn new(content: Content) -> Self {
-        let (sender, pieces) = mpsc::channel(1);
-        let left = match content {
-            Content::Bytes(bytes) => {
-                let length = bytes.len() as u64;
-                // There is room for one.
-                let _ = sender.try_send(Ok(bytes));
-                length
+/// The body of a response. The thread that reads a file waits for the browser, and ends when the
+/// browser closes the connection.
+fn body(content: Content) -> ResponseBody {
+    let (mut file, length) = match content {
+        Content::Bytes(bytes) => return Either::Left(Full::new(bytes)),
+        Content::FilePart(file, length) => (file, length),
+    };
+    let (mut sender, body) = Channel::new(1);
+    let runtime = tokio::runtime::Handle::current();
+    tokio::task::spawn_blocking(move || {
+        let mut left = length;
+        while left > 0 {
+            let mut chunk = vec![0; CHUNK_BYTES.min(left as usize)];
+            if let Err(error) = file.read_exact(&mut chunk) {
+                return sender.abort(error);
             }
-            Content::Part(mut file, length) => {
-                tokio::task::spawn_blocking(move || {
-                    let mut left = length;
-                    while left > 0 {
-                        let mut piece = vec![0; PIECE.min(left as usize)];
-                        let read = file.read_exact(&mut piece);
-                        left -= piece.len() as u64;
-                        let failed = read.is_err();
-                        if sender.blocking_send(read.map(|()| piece.into())).is_err() || failed {
-                            break;
-                        }
-                    }
-                });
-                length
+            left -= chunk.len() as u64;
+            if runtime.block_on(sender.send_data(chunk.into())).is_err() {
+                return;
             }
-        };
-        Self { pieces, left }
-    }
-}
-
-impl Body for Sent {
-    type Data = Bytes;
-    type Error = std::io::Error;
-
-    fn poll_frame(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-    ) -> Poll<Option<std::io::Result<Frame<Bytes>>>> {
-        self.pieces.poll_recv(context).map(|piece| {
-            piece.map(|piece| {
-                piece.map(|piece| {
-                    self.left -= piece.len() as u64;
-                    Frame::data(piece)
-                })
-            })
-        })
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        SizeHint::with_exact(self.left)
-    }
+        }
+    });
+    Either::Right(body)
 }
 
 /// `text` with its `%41` as characters; none if it is malformed.

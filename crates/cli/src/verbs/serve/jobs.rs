@@ -1,7 +1,7 @@
-//! Jobs: verbs that run in processes of their own, and what each of them says.
+//! Jobs: verbs that run in processes of their own, and their log lines.
 //!
-//! A process stops when its standard input ends ([`ATTENDED`]). So it saves its state and ends also when the server is killed, and a
-//! Ctrl-C, which a terminal sends to every process, is one request and not two.
+//! A process stops when its standard input ends ([`ATTENDED`]). So it saves its state and ends also
+//! when the server is killed, and a Ctrl-C, which a terminal sends to every process, counts once.
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::unix::process::CommandExt as _;
@@ -14,49 +14,48 @@ use etude_perform::{shell_line, write_file};
 use hyper::StatusCode;
 use serde::Serialize;
 
-use super::http::Refusal;
+use super::message::ApiError;
 use crate::progress::{ATTENDED, STOPPING};
 
-/// Largest number of jobs that run at once.
-const MOST_RUNNING: usize = 4;
-/// Largest number of jobs that are remembered.
-const MOST: usize = 40;
-/// Lines of what a job said that are kept, and the longest of them.
-const LINES: usize = 12;
-const LONGEST_LINE: usize = 600;
+const MAX_RUNNING: usize = 4;
+const MAX_REMEMBERED: usize = 40;
+const MAX_LOG_LINES: usize = 12;
+const MAX_LINE_CHARS: usize = 600;
 /// Exit code of a verb that stopped on request.
 const STOPPED: i32 = 3;
 
 /// One verb with its arguments.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone)]
 pub struct Step {
     /// The command line without the program.
     pub args: Vec<String>,
-    /// Where its standard output is kept.
-    pub keep: Option<PathBuf>,
-    /// Whether it has nothing to save when it is stopped.
+    /// The file for its standard output.
+    pub stdout: Option<PathBuf>,
+    /// Whether it has nothing to save, so that a stop kills it.
     pub is_quick: bool,
 }
 
-/// What is to be done, verb by verb.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Order {
-    /// What it is called on the page.
+/// The verbs of a job, one after the other.
+#[derive(Clone, Serialize)]
+pub struct JobSpec {
     pub title: String,
-    /// The song, as it is typed; empty if it is about no song.
+    /// The song's id or path; empty without a song.
     pub song: String,
-    /// The folder or file that it makes.
-    pub makes: String,
+    /// The folder or file that the job writes.
+    pub output: String,
+    #[serde(skip)]
     pub steps: Vec<Step>,
-    /// Whether it is a training; one runs at a time, on all cores.
+    /// One training runs at a time, on all cores.
+    #[serde(skip)]
     pub is_training: bool,
     /// Minutes after which a training stops.
+    #[serde(skip)]
     pub minutes: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
-enum State {
+enum JobState {
     Running,
     Stopping,
     Done,
@@ -66,40 +65,37 @@ enum State {
 
 struct Job {
     id: u64,
-    order: Order,
-    begun: Instant,
+    spec: JobSpec,
+    start: Instant,
     secs: Option<f64>,
-    state: State,
-    /// Steps that are done.
-    done: usize,
-    said: Vec<String>,
+    state: JobState,
+    steps_done: usize,
+    log: Vec<String>,
     child: Option<Child>,
 }
 
-/// A job as the page sees it.
+/// The status of a job, for the page.
 #[derive(Serialize)]
-pub struct Seen {
+pub struct JobStatus {
     id: u64,
-    title: String,
-    song: String,
-    makes: String,
-    state: State,
-    /// Steps that are done.
-    done: usize,
+    #[serde(flatten)]
+    spec: JobSpec,
+    state: JobState,
+    steps_done: usize,
     secs: f64,
-    /// Until it stops at the latest.
+    /// Until the time limit.
     secs_left: Option<f64>,
-    /// The command line of the step that runs or was the last.
+    /// The command line of the current or last step.
     command: String,
-    said: Vec<String>,
+    log: Vec<String>,
 }
 
 #[derive(Default)]
 struct List {
     next: u64,
     jobs: Vec<Job>,
-    /// Whether the server ends, so that nothing is started any more.
-    ends: bool,
+    /// Whether the server is ending and starts no more jobs.
+    is_ending: bool,
 }
 
 /// All jobs of this server.
@@ -114,36 +110,36 @@ impl Jobs {
     }
 
     /// Starts a job and gives its number.
-    pub fn start(&self, order: Order) -> Result<u64, Refusal> {
-        let busy = |why: &str| Err(Refusal::new(StatusCode::CONFLICT, why));
+    pub fn start(&self, spec: JobSpec) -> Result<u64, ApiError> {
+        let busy = |why: &str| Err(ApiError::new(StatusCode::CONFLICT, why));
         let mut list = lock(&self.list);
-        if list.ends {
+        if list.is_ending {
             return busy("the server is ending; start `etude serve` again");
         }
         let running = || list.jobs.iter().filter(|job| job.runs());
-        if running().count() >= MOST_RUNNING {
-            return busy("too much runs at once: wait for something to end, or stop it");
+        if running().count() >= MAX_RUNNING {
+            return busy("too many jobs run: wait for one to end, or stop one");
         }
-        if order.is_training && running().any(|job| job.order.is_training) {
-            return busy("a training runs already: wait for its end, or stop it, which saves it");
+        if spec.is_training && running().any(|job| job.spec.is_training) {
+            return busy("a training is running: wait for its end, or stop and save it");
         }
-        if running().any(|job| job.order.makes == order.makes && job.order.title == order.title) {
-            return busy("this runs already");
+        if running().any(|job| job.spec.output == spec.output && job.spec.title == spec.title) {
+            return busy("this job is already running");
         }
         let id = list.next;
         list.next += 1;
         let job = Job {
             id,
-            order: order.clone(),
-            begun: Instant::now(),
+            spec: spec.clone(),
+            start: Instant::now(),
             secs: None,
-            state: State::Running,
-            done: 0,
-            said: Vec::new(),
+            state: JobState::Running,
+            steps_done: 0,
+            log: Vec::new(),
             child: None,
         };
         list.jobs.push(job);
-        while list.jobs.len() > MOST
+        while list.jobs.len() > MAX_REMEMBERED
             && let Some(oldest) = list.jobs.iter().position(|job| !job.runs())
         {
             list.jobs.remove(oldest);
@@ -152,27 +148,25 @@ impl Jobs {
         let (program, list) = (self.program.clone(), self.list.clone());
         let thread = {
             let list = list.clone();
-            std::thread::Builder::new().spawn(move || work(id, &order, &program, &list))
+            std::thread::Builder::new().spawn(move || work(id, &spec, &program, &list))
         };
         if let Err(error) = thread {
-            say(&list, id, &format!("it cannot be started: {error}"));
-            end(&list, id, State::Failed);
+            log(&list, id, &format!("it cannot be started: {error}"));
+            end(&list, id, JobState::Failed);
         }
         Ok(id)
     }
 
-    /// Asks a job to stop.
-    pub fn stop(&self, id: u64) -> Result<(), Refusal> {
-        let mut list = lock(&self.list);
-        let job = list.jobs.iter_mut().find(|job| job.id == id);
-        job.ok_or_else(|| Refusal::missing("there is no such job; reload the page"))?.stop();
-        Ok(())
+    /// Requests a job to stop.
+    pub fn stop(&self, id: &str) -> Result<(), ApiError> {
+        let stopped = id.parse().ok().and_then(|id| change(&self.list, id, Job::stop));
+        stopped.ok_or_else(|| ApiError::not_found("there is no such job; reload the page"))
     }
 
-    /// Asks all of them to stop, and starts no other.
+    /// Requests all jobs to stop, and starts no other.
     pub fn stop_all(&self) {
         let mut list = lock(&self.list);
-        list.ends = true;
+        list.is_ending = true;
         list.jobs.iter_mut().for_each(Job::stop);
     }
 
@@ -181,22 +175,22 @@ impl Jobs {
         lock(&self.list).jobs.iter().any(Job::runs)
     }
 
-    /// All of them, the last one first.
-    pub fn seen(&self) -> Vec<Seen> {
-        lock(&self.list).jobs.iter().rev().map(Job::seen).collect()
+    /// All jobs, the last one first.
+    pub fn status(&self) -> Vec<JobStatus> {
+        lock(&self.list).jobs.iter().rev().map(Job::status).collect()
     }
 }
 
 impl Job {
     fn runs(&self) -> bool {
-        matches!(self.state, State::Running | State::Stopping)
+        matches!(self.state, JobState::Running | JobState::Stopping)
     }
 
     fn stop(&mut self) {
         if !self.runs() {
             return;
         }
-        self.state = State::Stopping;
+        self.state = JobState::Stopping;
         self.end_process();
     }
 
@@ -204,68 +198,66 @@ impl Job {
     fn end_process(&mut self) {
         if let Some(child) = &mut self.child {
             drop(child.stdin.take());
-            if self.order.steps.get(self.done).is_some_and(|step| step.is_quick) {
+            if self.spec.steps.get(self.steps_done).is_some_and(|step| step.is_quick) {
                 // It may have ended by itself.
                 let _ = child.kill();
             }
         }
     }
 
-    fn seen(&self) -> Seen {
-        let secs = self.secs.unwrap_or_else(|| self.begun.elapsed().as_secs_f64());
-        let step = &self.order.steps[self.done.min(self.order.steps.len() - 1)];
-        Seen {
+    fn status(&self) -> JobStatus {
+        let secs = self.secs.unwrap_or_else(|| self.start.elapsed().as_secs_f64());
+        let step = &self.spec.steps[self.steps_done.min(self.spec.steps.len() - 1)];
+        JobStatus {
             id: self.id,
-            title: self.order.title.clone(),
-            song: self.order.song.clone(),
-            makes: self.order.makes.clone(),
+            spec: self.spec.clone(),
             state: self.state,
-            done: self.done,
+            steps_done: self.steps_done,
             secs,
-            secs_left: self.order.minutes.map(|minutes| (60.0 * minutes - secs).max(0.0)),
+            secs_left: self.spec.minutes.map(|minutes| (60.0 * minutes - secs).max(0.0)),
             command: shell_line(std::iter::once("etude".to_string()).chain(step.args.iter().cloned())),
-            said: self.said.clone(),
+            log: self.log.clone(),
         }
     }
 }
 
-/// The list; no change to it can be half done, so a panic of another thread does not matter.
+/// The list. Every change is atomic, so a panic of another thread does not matter.
 fn lock(list: &Mutex<List>) -> MutexGuard<'_, List> {
     list.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Changes the job `id`, which is in the list while it runs.
+/// Changes the job `id`.
 fn change<T>(list: &Mutex<List>, id: u64, change: impl FnOnce(&mut Job) -> T) -> Option<T> {
     lock(list).jobs.iter_mut().find(|job| job.id == id).map(change)
 }
 
-/// Does the steps one after the other, until one does not succeed.
-fn work(id: u64, order: &Order, program: &Path, list: &Arc<Mutex<List>>) {
-    let mut state = State::Done;
-    for step in &order.steps {
+/// Runs the steps one after the other until one fails or stops.
+fn work(id: u64, spec: &JobSpec, program: &Path, list: &Arc<Mutex<List>>) {
+    let mut state = JobState::Done;
+    for step in &spec.steps {
         state = match process(id, step, program, list) {
-            Ok(status) if status.success() => State::Done,
-            Ok(status) if status.code() == Some(STOPPED) => State::Stopped,
-            // A quick one that was stopped.
-            Ok(status) if status.code().is_none() && is_stopping(list, id) => State::Stopped,
+            Ok(status) if status.success() => JobState::Done,
+            Ok(status) if status.code() == Some(STOPPED) => JobState::Stopped,
+            // A quick step that was killed.
+            Ok(status) if status.code().is_none() && is_stopping(list, id) => JobState::Stopped,
             Ok(status) => {
-                // Otherwise it has said why.
+                // A process that exits with a code has logged why.
                 if status.code().is_none() {
-                    say(list, id, &format!("it ended with {status}"));
+                    log(list, id, &format!("it ended with {status}"));
                 }
-                State::Failed
+                JobState::Failed
             }
             Err(error) => {
-                say(list, id, &error);
-                State::Failed
+                log(list, id, &error);
+                JobState::Failed
             }
         };
-        if state != State::Done {
+        if state != JobState::Done {
             break;
         }
-        change(list, id, |job| job.done += 1);
+        change(list, id, |job| job.steps_done += 1);
         if is_stopping(list, id) {
-            state = State::Stopped;
+            state = JobState::Stopped;
             break;
         }
     }
@@ -273,31 +265,31 @@ fn work(id: u64, order: &Order, program: &Path, list: &Arc<Mutex<List>>) {
 }
 
 /// The job is over.
-fn end(list: &Mutex<List>, id: u64, state: State) {
+fn end(list: &Mutex<List>, id: u64, state: JobState) {
     change(list, id, |job| {
-        (job.state, job.secs, job.child) = (state, Some(job.begun.elapsed().as_secs_f64()), None);
+        (job.state, job.secs, job.child) = (state, Some(job.start.elapsed().as_secs_f64()), None);
     });
 }
 
 fn is_stopping(list: &Mutex<List>, id: u64) -> bool {
-    change(list, id, |job| job.state == State::Stopping).unwrap_or(true)
+    change(list, id, |job| job.state == JobState::Stopping).unwrap_or(true)
 }
 
-/// Keeps a line of what the job says.
-fn say(list: &Mutex<List>, id: u64, line: &str) {
+/// Adds a line to the log of a job.
+fn log(list: &Mutex<List>, id: u64, line: &str) {
     let line = line.strip_prefix("etude: ").unwrap_or(line).trim_end();
-    // The page shows the state, and has no Ctrl-C.
+    // The page shows the state and has no Ctrl-C.
     if line == STOPPING {
         return;
     }
     change(list, id, |job| {
-        job.said.push(line.chars().take(LONGEST_LINE).collect());
-        let surplus = job.said.len().saturating_sub(LINES);
-        job.said.drain(..surplus);
+        job.log.push(line.chars().take(MAX_LINE_CHARS).collect());
+        let surplus = job.log.len().saturating_sub(MAX_LOG_LINES);
+        job.log.drain(..surplus);
     });
 }
 
-/// Runs one process to its end and keeps its output.
+/// Runs the process of one step to its end.
 fn process(id: u64, step: &Step, program: &Path, list: &Arc<Mutex<List>>) -> Result<ExitStatus, String> {
     let cannot = |error: std::io::Error| format!("cannot run {}: {error}", program.display());
     let mut child = Command::new(program)
@@ -312,8 +304,8 @@ fn process(id: u64, step: &Step, program: &Path, list: &Arc<Mutex<List>>) -> Res
     let (printed, errors) = (child.stdout.take(), child.stderr.take());
     change(list, id, |job| {
         job.child = Some(child);
-        // It was asked to stop while the process started.
-        if job.state == State::Stopping {
+        // The stop may have been requested while the process started.
+        if job.state == JobState::Stopping {
             job.end_process();
         }
     });
@@ -332,7 +324,7 @@ fn process(id: u64, step: &Step, program: &Path, list: &Arc<Mutex<List>>) -> Res
     // Both streams have ended, so the process ends now.
     let child = change(list, id, |job| job.child.take()).flatten();
     let status = child.ok_or_else(|| "the process was lost".to_string())?.wait().map_err(cannot)?;
-    match &step.keep {
+    match &step.stdout {
         Some(path) if status.success() => write_file(path, &output).map_err(|error| error.to_string())?,
         _ => {}
     }
@@ -343,7 +335,7 @@ fn listen(errors: ChildStderr, id: u64, list: &Mutex<List>) {
     for line in BufReader::new(errors).split(b'\n').map_while(Result::ok) {
         let line = String::from_utf8_lossy(&line);
         if !line.trim().is_empty() {
-            say(list, id, &line);
+            log(list, id, &line);
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The working folder: its songs, performances, comparisons and trainings. All of it lies in files, so a new server finds it again.
+//! The working folder: its songs, performances, comparisons and trainings. All of them are files,
+//! so a new server finds them again.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,10 +14,10 @@ use hyper::StatusCode;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::super::slug;
-use super::http::Refusal;
+use super::message::ApiError;
+use crate::args::slug;
 
-/// Folder of the songs that were dropped on the page, and of what `etude songs show` says about any.
+/// Folder of the uploaded songs, and of the output of `etude songs show`.
 pub const SONGS: &str = "out/songs";
 /// Folder of the comparisons.
 pub const COMPARED: &str = "out/compared";
@@ -24,30 +25,28 @@ pub const COMPARED: &str = "out/compared";
 const MIDI_FOLDERS: [&str; 2] = ["songs", SONGS];
 const PERFORMANCES: &str = "out";
 const RUNS: &str = "runs";
-/// Largest number of performances and comparisons that are shown, the last ones.
-const MOST: usize = 40;
-/// Largest number of trainings, which are sent with their curves.
-const MOST_RUNS: usize = 12;
-/// Largest number of points of a curve that are sent.
-const POINTS: usize = 300;
-/// Longest name of a dropped song, characters.
-const LONGEST_NAME: usize = 60;
+/// Performances and comparisons that are listed, the last ones.
+const MAX_LISTED: usize = 40;
+/// Trainings that are listed, with their curves.
+const MAX_RUNS: usize = 12;
+const MAX_CURVE_POINTS: usize = 300;
+const MAX_NAME_CHARS: usize = 60;
 
 /// A song that can be chosen.
 #[derive(Clone, Debug, Serialize)]
-pub struct Listed {
-    /// What one types for it: an id or a path.
+pub struct ListedSong {
+    /// Its id or path.
     pub song: String,
     pub title: String,
 }
 
 /// A performance with its files.
 #[derive(Debug, Serialize)]
-pub struct Performed {
+pub struct Performance {
     pub recording: PathBuf,
     wav: PathBuf,
     reference: PathBuf,
-    /// Its replay, if it has been made.
+    /// Its replay page, if there is one.
     page: Option<PathBuf>,
     song: String,
     player: String,
@@ -58,12 +57,12 @@ pub struct Performed {
     notes_due: Option<u64>,
     notes_wrong: Option<u64>,
     #[serde(skip)]
-    written: Option<SystemTime>,
+    modified: Option<SystemTime>,
 }
 
 /// A training with its curves.
 #[derive(Debug, Serialize)]
-pub struct Trained {
+pub struct Training {
     #[serde(flatten)]
     pub figures: RunFigures,
     /// F1 of the evaluations: control steps and value.
@@ -72,50 +71,52 @@ pub struct Trained {
     reward_curve: Vec<[f64; 2]>,
 }
 
-/// The folder in which the server works. Paths are relative to it, as for the verbs.
-pub struct Desk {
+/// The folder in which the server works. Paths are relative to it.
+pub struct Workspace {
     pub root: PathBuf,
     watched: Mutex<BTreeMap<PathBuf, WatchedRun>>,
     /// Held while a song is added, so that two get different names.
     adding: Mutex<()>,
 }
 
-impl Desk {
+impl Workspace {
     pub fn new(root: PathBuf) -> Self {
         Self { root, watched: Mutex::default(), adding: Mutex::default() }
     }
 
     /// The built-in songs, then the MIDI files.
-    pub fn songs(&self) -> Vec<Listed> {
-        let built_in =
-            repertoire::SONGS.iter().map(|piece| Listed { song: piece.id.into(), title: piece.title.into() });
+    pub fn songs(&self) -> Vec<ListedSong> {
+        let built_in = repertoire::SONGS
+            .iter()
+            .map(|piece| ListedSong { song: piece.id.into(), title: piece.title.into() });
         let mut files: Vec<PathBuf> = MIDI_FOLDERS.into_iter().flat_map(entries).collect();
-        files.retain(|path| path.extension().is_some_and(|ending| ending == "mid") && path.is_file());
+        files.retain(|path| path.extension().is_some_and(|extension| extension == "mid") && path.is_file());
         files.sort();
         let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let files =
-            files.iter().filter_map(|path| Some(Listed { song: path.to_str()?.into(), title: stem(path) }));
+        let files = files
+            .iter()
+            .filter_map(|path| Some(ListedSong { song: path.to_str()?.into(), title: stem(path) }));
         built_in.chain(files).collect()
     }
 
-    /// The song that is listed as `song`.
-    pub fn song(&self, song: &str) -> Result<(Listed, Song), Refusal> {
+    /// A listed song.
+    pub fn song(&self, song: &str) -> Result<(ListedSong, Song), ApiError> {
         let listed = self.songs().into_iter().find(|listed| listed.song == song);
         let listed = listed.ok_or_else(|| {
-            Refusal::missing(format!("there is no song `{song}` any more; reload the page"))
+            ApiError::not_found(format!("there is no song `{song}` any more; reload the page"))
         })?;
         let song = find_song(song).map_err(anyhow::Error::from)?;
         Ok((listed, song))
     }
 
-    /// Keeps a MIDI file that was dropped as `name`; gives the path of the song.
-    pub fn add_song(&self, name: &str, bytes: &[u8]) -> Result<String, Refusal> {
+    /// Saves the uploaded MIDI file `name`; gives the path of the song.
+    pub fn add_song(&self, name: &str, bytes: &[u8]) -> Result<String, ApiError> {
         let stem = tidy(name);
         Song::from_midi(bytes, &stem).map_err(|error| {
-            Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, format!("{name} cannot be used: {error}"))
+            ApiError::new(StatusCode::UNPROCESSABLE_ENTITY, format!("{name} cannot be used: {error}"))
         })?;
         let _adding = self.adding.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_same = |listed: &Listed| std::fs::read(&listed.song).is_ok_and(|theirs| theirs == bytes);
+        let is_same = |listed: &ListedSong| std::fs::read(&listed.song).is_ok_and(|theirs| theirs == bytes);
         match self.free_name(&stem, is_same) {
             Err(same) => Ok(same),
             Ok(path) => {
@@ -126,9 +127,9 @@ impl Desk {
         }
     }
 
-    /// A path for a new song called `stem`, with a number if another song has the same short form, after which runs and performances are
-    /// called; `Err` is the song of this name that `is_same`.
-    pub fn free_name(&self, stem: &str, is_same: impl Fn(&Listed) -> bool) -> Result<String, String> {
+    /// A path for a new song `stem`, numbered if another song has the same slug; `Err` is the song
+    /// with this slug that `is_same`.
+    pub fn free_name(&self, stem: &str, is_same: impl Fn(&ListedSong) -> bool) -> Result<String, String> {
         let known = self.songs();
         for number in 1.. {
             let name = if number == 1 { stem.to_string() } else { format!("{stem} {number}") };
@@ -142,11 +143,11 @@ impl Desk {
         unreachable!("some number is free")
     }
 
-    /// What is known of a song before anything runs: whether the keyboard has its notes, who would play it, and where the verbs write
-    /// what they say of it.
-    pub fn describe(&self, song: &str) -> Result<Value, Refusal> {
+    /// A song before anything runs: whether the keyboard has its notes, which policy would play it,
+    /// and where the output of `etude songs show` is.
+    pub fn describe(&self, song: &str) -> Result<Value, ApiError> {
         let (listed, notes) = self.song(song)?;
-        let (about, reference) = about(song);
+        let (about, reference) = analysis_files(song);
         let (problem, transpositions) = match notes.check_range() {
             Ok(()) => (None, Vec::new()),
             Err(error) => {
@@ -157,75 +158,78 @@ impl Desk {
                 (Some(error.to_string()), fitting)
             }
         };
-        // What was said of an earlier file of this name, or of another song whose name has the same short form, does not count.
-        let is_there = [&about, &reference].iter().all(|path| {
-            let made = written(Path::new(path));
-            made.is_some() && made >= written(Path::new(song))
-        });
-        let said = || serde_json::from_slice::<Value>(&std::fs::read(&about).ok()?).ok();
-        let is_there = is_there && said().is_some_and(|said| said["title"] == notes.title());
+        // The output may be of an older file, or of another song with the same slug.
+        let is_new = |path: &String| {
+            let made = modified(Path::new(path));
+            made.is_some() && made >= modified(Path::new(song))
+        };
+        let analysis = || serde_json::from_slice::<Value>(&std::fs::read(&about).ok()?).ok();
+        let is_ready = [&about, &reference].into_iter().all(is_new)
+            && analysis().is_some_and(|analysis| analysis["title"] == notes.title());
         let pianist = pianist_for(song, &slug(song), &notes).ok().map(|chosen| chosen.pianist);
         Ok(json!({
-            "song": song, "title": listed.title, "about": about, "reference": reference, "is_there": is_there,
+            "song": song, "title": listed.title, "about": about, "reference": reference,
+            "is_ready": is_ready,
             "problem": problem, "transpositions": transpositions,
             "policy": pianist.as_ref().map(Pianist::name),
-            "at_sight": pianist.as_ref().is_some_and(Pianist::reads_at_sight),
+            "zero_shot": pianist.as_ref().is_some_and(Pianist::reads_at_sight),
             "policy_f1": pianist.and_then(|pianist| pianist.claimed_f1),
         }))
     }
 
     /// The performances, the last one first.
-    pub fn performances(&self) -> Vec<Performed> {
-        let mut found: Vec<Performed> =
+    pub fn performances(&self) -> Vec<Performance> {
+        let mut found: Vec<Performance> =
             entries(PERFORMANCES).iter().flat_map(|folder| performed(folder)).collect();
-        found.sort_by(|a, b| b.written.cmp(&a.written).then(a.recording.cmp(&b.recording)));
-        found.truncate(MOST);
+        found.sort_by(|a, b| b.modified.cmp(&a.modified).then(a.recording.cmp(&b.recording)));
+        found.truncate(MAX_LISTED);
         found
     }
 
-    /// The comparisons: what `etude compare --json` said, with its page; the last one first.
+    /// The comparisons, output of `etude compare --json` with a page; the last one first.
     pub fn comparisons(&self) -> Vec<PathBuf> {
         let mut found = entries(COMPARED);
         found.retain(|path| {
-            path.extension().is_some_and(|ending| ending == "json") && path.with_extension("html").is_file()
+            path.extension().is_some_and(|extension| extension == "json")
+                && path.with_extension("html").is_file()
         });
-        found.sort_by_key(|path| std::cmp::Reverse(written(path)));
-        found.truncate(MOST);
+        found.sort_by_key(|path| std::cmp::Reverse(modified(path)));
+        found.truncate(MAX_LISTED);
         found
     }
 
     /// The trainings, the last one first.
-    pub fn runs(&self) -> Vec<Trained> {
+    pub fn runs(&self) -> Vec<Training> {
         let found = runs_in(Path::new(RUNS)).into_iter().map(|(_, folder)| folder);
-        let folders: Vec<PathBuf> = found.take(MOST_RUNS).collect();
+        let folders: Vec<PathBuf> = found.take(MAX_RUNS).collect();
         let mut watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
         watched.retain(|folder, _| folders.contains(folder));
-        let seen = |folder: &PathBuf| {
+        let training = |folder: &PathBuf| {
             let run = watched.entry(folder.clone()).or_insert_with(|| WatchedRun::open(folder));
-            // What cannot be read now may be at the next look.
+            // A file that cannot be read now is tried again with the next request.
             while run.read().unwrap_or(false) {}
             let history = run.history();
-            Trained {
+            Training {
                 figures: run.figures(SystemTime::now()),
                 f1: curve(&history.f1),
                 reward_curve: curve(&history.reward),
             }
         };
-        folders.iter().map(seen).collect()
+        folders.iter().map(training).collect()
     }
 }
 
-/// The files of what `etude songs show` says of a song, and of how it should sound.
-pub fn about(song: &str) -> (String, String) {
+/// The files of the output of `etude songs show` and of the reference sound.
+pub fn analysis_files(song: &str) -> (String, String) {
     let mut name = slug(song);
-    // A file name may have no letter of ASCII.
+    // A file name may have no ASCII letter.
     if name.is_empty() {
         name = "song".to_string();
     }
     (format!("{SONGS}/{name}.json"), format!("{SONGS}/{name}.wav"))
 }
 
-/// The page of a recording: each run of a performance has its own.
+/// The replay page of a recording: each run of a performance has its own.
 pub fn replay_page(recording: &Path) -> PathBuf {
     if recording.file_name().is_some_and(|name| name == RECORDING) {
         recording.with_file_name(PAGE)
@@ -234,21 +238,21 @@ pub fn replay_page(recording: &Path) -> PathBuf {
     }
 }
 
-/// Makes a folder of the working folder.
-pub fn make_folder(folder: &str) -> Result<(), Refusal> {
+/// Makes a folder in the working folder.
+pub fn make_folder(folder: &str) -> Result<(), ApiError> {
     Ok(etude_lab::make_folder(Path::new(folder))?)
 }
 
-/// A file name without its folder and ending, of letters, digits and a few signs alone.
+/// A file name without folder and extension, of letters, digits and a few signs.
 fn tidy(name: &str) -> String {
     let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let plain: String =
         stem.chars().map(|c| if c.is_alphanumeric() || "-_()".contains(c) { c } else { ' ' }).collect();
     let words: Vec<&str> = plain.split_whitespace().collect();
-    let text: String = words.join(" ").chars().take(LONGEST_NAME).collect();
+    let text: String = words.join(" ").chars().take(MAX_NAME_CHARS).collect();
     let text = text.trim_matches(|c: char| !c.is_alphanumeric() && c != ')');
-    // Folders are called after its letters of ASCII.
+    // The slug has ASCII letters only.
     if etude_lab::slug(text).is_empty() {
         format!("song {text}").trim_end().to_string()
     } else {
@@ -256,30 +260,30 @@ fn tidy(name: &str) -> String {
     }
 }
 
-/// What lies in a folder, as far as its name is text; nothing if it is not there.
+/// The entries of a folder with Unicode names; none if there is no folder.
 fn entries(folder: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries.map(|entry| entry.path()).filter(|path| path.to_str().is_some()).collect()
 }
 
-fn written(path: &Path) -> Option<SystemTime> {
+fn modified(path: &Path) -> Option<SystemTime> {
     path.metadata().and_then(|data| data.modified()).ok()
 }
 
 /// The performances in a folder of `etude play` or `etude perform`, from its report.
-fn performed(folder: &Path) -> Vec<Performed> {
+fn performed(folder: &Path) -> Vec<Performance> {
     let report = std::fs::read(folder.join(REPORT)).ok();
     let report = report.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()).unwrap_or_default();
     let text = |key: &str| report[key].as_str().map(str::to_string);
     let runs = report["runs"].as_array().cloned().unwrap_or_else(|| vec![report.clone()]);
     let one = |run: &Value| {
-        // The folder may have been moved since.
+        // The folder may have been moved.
         let file = |key: &str| Some(folder.join(Path::new(run["files"][key].as_str()?).file_name()?));
         let recording = file("recording").filter(|path| path.is_file())?;
-        let made = written(&recording);
-        let page = Some(replay_page(&recording)).filter(|page| written(page) >= made && page.is_file());
+        let made = modified(&recording);
+        let page = Some(replay_page(&recording)).filter(|page| modified(page) >= made && page.is_file());
         let count = |key: &str| run[key].as_u64();
-        Some(Performed {
+        Some(Performance {
             page,
             wav: file("wav")?,
             reference: file("reference")?,
@@ -290,16 +294,16 @@ fn performed(folder: &Path) -> Vec<Performed> {
             notes_right: count("matched"),
             notes_due: count("matched").zip(count("missed")).map(|(right, missed)| right + missed),
             notes_wrong: count("wrong"),
-            written: made,
+            modified: made,
             recording,
         })
     };
     runs.iter().filter_map(one).collect()
 }
 
-/// Points of a curve, evenly chosen if there are many; always with the last one.
+/// At most [`MAX_CURVE_POINTS`] points of a curve, evenly chosen, with the last one.
 fn curve(points: &[Point]) -> Vec<[f64; 2]> {
-    let every = points.len().div_ceil(POINTS).max(1);
+    let every = points.len().div_ceil(MAX_CURVE_POINTS).max(1);
     let chosen = points.iter().rev().step_by(every).rev();
     chosen.map(|point| [point.step, (point.value * 1e4).round() / 1e4]).collect()
 }
@@ -309,7 +313,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_dropped_files_are_names_of_files() {
+    fn uploaded_files_get_safe_names() {
         for (name, expected) in [
             ("Für Elise.mid", "Für Elise"),
             ("../../etc/passwd.mid", "passwd"),
@@ -323,7 +327,7 @@ mod tests {
         ] {
             assert_eq!(tidy(name), expected, "{name:?}");
         }
-        assert_eq!(tidy(&"x".repeat(500)).len(), LONGEST_NAME);
+        assert_eq!(tidy(&"x".repeat(500)).len(), MAX_NAME_CHARS);
     }
 
     #[test]
@@ -333,7 +337,7 @@ mod tests {
         };
         assert_eq!(curve(&points(3)), [[0.0, 0.5], [1.0, 0.5], [2.0, 0.5]]);
         let thinned = curve(&points(1000));
-        assert!(thinned.len() <= POINTS && thinned.last() == Some(&[999.0, 0.5]));
+        assert!(thinned.len() <= MAX_CURVE_POINTS && thinned.last() == Some(&[999.0, 0.5]));
         assert!(curve(&[]).is_empty());
     }
 }

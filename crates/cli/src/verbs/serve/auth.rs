@@ -1,22 +1,22 @@
-//! Who has access: those who know the token, on this machine, from this page.
+//! Authorisation: a request needs the token, the host name of this server and the origin of its
+//! page.
 
 use anyhow::anyhow;
 use hyper::header::{HOST, HeaderMap, ORIGIN};
 use hyper::{Method, StatusCode, Uri};
 
-use super::http::Refusal;
+use super::message::ApiError;
 
-/// Bytes of the token.
 const TOKEN_BYTES: usize = 16;
 
-/// The token and the names under which the server may be asked.
-pub struct Gate {
+/// The token and the host names of the server.
+pub struct Auth {
     token: String,
     hosts: [String; 2],
 }
 
-impl Gate {
-    /// A gate with a token of its own.
+impl Auth {
+    /// With a random token.
     pub fn new(port: u16) -> anyhow::Result<Self> {
         let mut bytes = [0; TOKEN_BYTES];
         getrandom::fill(&mut bytes)
@@ -25,15 +25,21 @@ impl Gate {
         Ok(Self { token, hosts: ["127.0.0.1", "localhost"].map(|host| format!("{host}:{port}")) })
     }
 
-    /// Where the page is.
+    /// The address of the page.
     pub fn address(&self) -> String {
         format!("http://{}/{}/", self.hosts[0], self.token)
     }
 
-    /// The path after the token, not yet decoded.
-    pub fn admit<'a>(&self, method: &Method, uri: &'a Uri, headers: &HeaderMap) -> Result<&'a str, Refusal> {
+    /// Checks a request; gives the path after the token, not yet decoded.
+    pub fn authorize<'a>(
+        &self,
+        method: &Method,
+        uri: &'a Uri,
+        headers: &HeaderMap,
+    ) -> Result<&'a str, ApiError> {
         let text = |name: &str| headers.get(name).map(|value| value.to_str().unwrap_or_default());
-        // A page of another name that resolves to this machine has its own name here.
+        // Against DNS rebinding: a foreign page that resolves to this machine has its own name
+        // here.
         let host = text(HOST.as_str()).unwrap_or_default();
         if !self.hosts.iter().any(|known| known == host) {
             return Err(refused(
@@ -44,11 +50,11 @@ impl Gate {
         if !is_same(token.as_bytes(), self.token.as_bytes()) {
             return Err(refused("open the complete address that `etude serve` printed last"));
         }
-        // Browsers say where a request comes from. What changes something must come from this page.
-        let is_elsewhere =
+        // Against cross-site requests: what changes something must come from this page.
+        let is_cross_site =
             text("sec-fetch-site").is_some_and(|site| !["same-origin", "none"].contains(&site));
-        let is_of_page = text(ORIGIN.as_str()).is_some_and(|origin| origin == format!("http://{host}"));
-        if is_elsewhere || (*method != Method::GET && !is_of_page) {
+        let is_same_origin = text(ORIGIN.as_str()).is_some_and(|origin| origin == format!("http://{host}"));
+        if is_cross_site || (*method != Method::GET && !is_same_origin) {
             return Err(refused(
                 "the request does not come from the page of this server; open the address that `etude serve` printed",
             ));
@@ -57,11 +63,11 @@ impl Gate {
     }
 }
 
-fn refused(why: &str) -> Refusal {
-    Refusal::new(StatusCode::FORBIDDEN, why)
+fn refused(why: &str) -> ApiError {
+    ApiError::new(StatusCode::FORBIDDEN, why)
 }
 
-/// Whether both are equal, in a time that does not depend on where they differ.
+/// Equality in constant time.
 fn is_same(one: &[u8], other: &[u8]) -> bool {
     one.len() == other.len() && one.iter().zip(other).fold(0, |differs, (a, b)| differs | (a ^ b)) == 0
 }
@@ -70,18 +76,18 @@ fn is_same(one: &[u8], other: &[u8]) -> bool {
 mod tests {
     use super::*;
 
-    /// Whether a request with these headers is admitted; `{T}` in the path is the token.
-    fn is_admitted(method: &Method, path: &str, headers: &[(&'static str, &str)]) -> bool {
-        let gate = Gate::new(8000).unwrap();
-        let uri: Uri = path.replace("{T}", &gate.token).parse().unwrap();
+    /// Whether a request with these headers is authorised; `{T}` in the path is the token.
+    fn is_authorized(method: &Method, path: &str, headers: &[(&'static str, &str)]) -> bool {
+        let auth = Auth::new(8000).unwrap();
+        let uri: Uri = path.replace("{T}", &auth.token).parse().unwrap();
         let headers = headers.iter().map(|(name, value)| (name.parse().unwrap(), value.parse().unwrap()));
-        gate.admit(method, &uri, &headers.collect()).is_ok()
+        auth.authorize(method, &uri, &headers.collect()).is_ok()
     }
 
     #[test]
-    fn the_page_is_admitted_and_nothing_else() {
+    fn only_requests_of_this_page_are_authorised() {
         let host = ("host", "127.0.0.1:8000");
-        let get = |path: &str, headers: &[_]| is_admitted(&Method::GET, path, headers);
+        let get = |path: &str, headers: &[_]| is_authorized(&Method::GET, path, headers);
         assert!(get("/{T}/", &[host]) && get("/{T}/state", &[("host", "localhost:8000")]));
         assert!(get("/{T}/", &[host, ("sec-fetch-site", "none")]));
         for path in ["/", "/{T}", "/x{T}/", "/00000000000000000000000000000000/", "//{T}0/state"] {
@@ -94,7 +100,7 @@ mod tests {
         for site in ["cross-site", "same-site", "?"] {
             assert!(!get("/{T}/", &[host, ("sec-fetch-site", site)]), "{site}");
         }
-        let post = |headers: &[_]| is_admitted(&Method::POST, "/{T}/jobs", headers);
+        let post = |headers: &[_]| is_authorized(&Method::POST, "/{T}/jobs", headers);
         assert!(post(&[host, ("origin", "http://127.0.0.1:8000")]));
         for origin in ["null", "http://evil.example", "http://127.0.0.1:8001", "https://127.0.0.1:8000"] {
             assert!(!post(&[host, ("origin", origin)]), "{origin}");
@@ -105,7 +111,7 @@ mod tests {
 
     #[test]
     fn every_server_has_another_token() {
-        let (one, other) = (Gate::new(1).unwrap().token, Gate::new(1).unwrap().token);
+        let (one, other) = (Auth::new(1).unwrap().token, Auth::new(1).unwrap().token);
         assert!(one.len() == 2 * TOKEN_BYTES && one != other);
         assert!(is_same(b"abc", b"abc") && !is_same(b"abc", b"abd") && !is_same(b"abc", b"ab"));
     }

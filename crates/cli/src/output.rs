@@ -1,0 +1,57 @@
+//! What a command prints, and how it ends.
+
+use std::io::Write as _;
+
+/// How a verb ended without failing.
+pub enum Ending {
+    Done,
+    Stopped,
+    /// Another process is working on it.
+    Busy,
+}
+
+/// Prints one line on standard output; a closed pipe is an error that ends the verb quietly.
+pub fn line(text: impl std::fmt::Display) -> anyhow::Result<()> {
+    writeln!(std::io::stdout(), "{text}")?;
+    Ok(())
+}
+
+/// Prints one line on standard error; if it is closed, the work continues.
+pub fn note(text: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Prints a value as JSON on standard output.
+pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    line(serde_json::to_string_pretty(value)?)
+}
+
+/// The error and its causes in one line, each once: many messages contain their cause already.
+pub fn error_message(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !text.contains(&cause) {
+            let colon = if text.is_empty() { "" } else { ": " };
+            text = text + colon + &cause;
+        }
+    }
+    text
+}
+
+/// Whether standard output is closed: `etude songs | head` must not fail.
+pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error
+        .chain()
+        .filter_map(|cause| cause.downcast_ref::<std::io::Error>())
+        .any(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_message_has_each_cause_once() {
+        let inner = anyhow::anyhow!("no space");
+        let message = |outer: &'static str| super::error_message(&inner.context(outer));
+        assert_eq!(message("cannot write x: no space; free some"), "cannot write x: no space; free some");
+    }
+}

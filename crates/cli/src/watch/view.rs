@@ -1,0 +1,121 @@
+//! What the full-screen view shows, and its keys.
+
+use std::path::PathBuf;
+use std::time::SystemTime;
+
+use etude_show::watch::{RunFigures, WatchedRun, find_runs};
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use ratatui::style::{Color, Style};
+use ratatui::widgets::{Block, Borders};
+
+/// Colours that colour-blind people can distinguish, on dark and on light ground, from the 256 of
+/// terminals.
+const COLOURS: [u8; 8] = [75, 208, 36, 176, 178, 33, 167, 245];
+/// Runs that are shown of a folder with several: as many as there are colours.
+const MAX_RUNS: usize = COLOURS.len();
+
+/// The heading line of a part of the screen.
+pub(super) fn heading() -> Block<'static> {
+    Block::new().borders(Borders::TOP).border_style(Style::new().dim())
+}
+
+/// The state of the view.
+pub struct View {
+    /// As the user named them.
+    pub(super) folders: Vec<PathBuf>,
+    pub(super) runs: Vec<WatchedRun>,
+    /// Of each run, as it was last read.
+    pub(super) figures: Vec<RunFigures>,
+    pub(super) selected: usize,
+    /// Time on the x axis, not steps.
+    pub(super) by_time: bool,
+    pub(super) help: bool,
+    pub(super) colours: bool,
+}
+
+impl View {
+    /// A view of the runs in `folders`, nothing of them read yet.
+    ///
+    /// # Errors
+    /// As [`find_runs`].
+    pub fn new(folders: Vec<PathBuf>, colours: bool) -> anyhow::Result<Self> {
+        let runs: Vec<_> = find_runs(&folders, MAX_RUNS, SystemTime::now())?
+            .iter()
+            .map(|folder| WatchedRun::open(folder))
+            .collect();
+        let mut view =
+            Self { folders, runs, figures: Vec::new(), selected: 0, by_time: false, help: false, colours };
+        view.update();
+        Ok(view)
+    }
+
+    /// Reads some of the new log lines; `true` if there is more. A run that cannot be read does not
+    /// stop the others.
+    pub(super) fn read(&mut self) -> anyhow::Result<bool> {
+        let read: Vec<_> = self.runs.iter_mut().map(WatchedRun::read).collect();
+        self.update();
+        read.into_iter().try_fold(false, |more, run| Ok(more | run?))
+    }
+
+    fn update(&mut self) {
+        let now = SystemTime::now();
+        self.figures = self.runs.iter().map(|run| run.figures(now)).collect();
+    }
+
+    /// Adds new runs in the rows of those that are no longer found, so that the others keep row and
+    /// colour.
+    pub(super) fn search(&mut self) {
+        // After an error the shown runs stay.
+        let Ok(mut found) = find_runs(&self.folders, MAX_RUNS, SystemTime::now()) else { return };
+        let shown: Vec<_> = self.runs.iter().map(|run| run.folder().to_path_buf()).collect();
+        let missing: Vec<_> = (0..shown.len()).filter(|&at| !found.contains(&shown[at])).collect();
+        found.retain(|folder| !shown.contains(folder));
+        let mut begun = found.iter().map(|folder| WatchedRun::open(folder));
+        let mut dropped = Vec::new();
+        for at in missing {
+            match begun.next() {
+                Some(run) => self.runs[at] = run,
+                None => dropped.push(at),
+            }
+        }
+        self.runs.extend(begun);
+        for at in dropped.into_iter().rev() {
+            self.runs.remove(at);
+        }
+        self.selected = self.selected.min(self.runs.len().saturating_sub(1));
+        self.update();
+    }
+
+    /// Handles a key; `false` if it quits.
+    pub(super) fn key(&mut self, key: KeyEvent) -> bool {
+        if key.kind == KeyEventKind::Release {
+            return true;
+        }
+        let count = self.runs.len().max(1);
+        match key.code {
+            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return false,
+            KeyCode::Char('q') => return false,
+            KeyCode::Esc if !self.help => return false,
+            KeyCode::Esc => self.help = false,
+            KeyCode::Char('?') => self.help = !self.help,
+            KeyCode::Char('s') => self.by_time = !self.by_time,
+            KeyCode::Down | KeyCode::Tab => self.selected = (self.selected + 1) % count,
+            KeyCode::Up | KeyCode::BackTab => self.selected = (self.selected + count - 1) % count,
+            _ => {}
+        }
+        true
+    }
+
+    /// The letter that marks the curve of a run.
+    pub(super) fn mark(run: usize) -> char {
+        (b'a'..=b'z').map(char::from).cycle().nth(run).unwrap_or('a')
+    }
+
+    pub(super) fn colour(&self, run: usize) -> Color {
+        if self.colours { Color::Indexed(COLOURS[run % COLOURS.len()]) } else { Color::Reset }
+    }
+
+    pub(super) fn style(&self, run: usize) -> Style {
+        Style::new().fg(self.colour(run))
+    }
+}
