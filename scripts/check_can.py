@@ -3,7 +3,7 @@
 
     check_can.py /dev/pts/N
 
-The adapter (slcan) at this path must have the hand of crates/emulators/tests/can.rs behind it. The script asks
+The adapter (slcan) at this path must have the hand of crates/robot/tests/drivers/can.rs behind it. The script asks
 for the information and the serial number, starts the position stream, drives the middle finger's proximal
 joint and sees it move.
 """

@@ -12,8 +12,8 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-# Tests of the robot's drivers need the emulated devices: Cargo allows the circular dev-dependency.
-DEV_ARROWS_UP = {("robot", "emulators"), ("robot", "twin")}
+# Tests of the robot need the emulated devices and the world that moves them: Cargo allows the circular dev-dependency.
+DEV_ARROWS_UP = {("robot", "emulators"), ("robot", "twin"), ("robot", "stage")}
 STRINGS = re.compile(r'//[^\n]*|/\*.*?\*/|r#+".*?"#+|"(?:\\.|[^"\\])*"', re.DOTALL)
 TEST_MODULE = re.compile(r"#\[cfg\((?:all\()?test\b[^\]]*\]\s*(?:#\[[^\]]*\]\s*)*(?:pub(?:\([^)]*\))?\s+)?mod\s+(\w+)\s*([;{])")
 USE = re.compile(r"(?P<public>pub(?:\([^)]*\))?\s+)?\buse\s+(?P<tree>[^;]+);")

@@ -1,6 +1,6 @@
 //! Sixteen independent joints without weight or contact: enough to run the emulator without a physics engine.
 
-use etude_robot::allegro::{FULL_SCALE_PWM, JOINT_LIMITS_RAD, JOINTS};
+use etude_robot::allegro::{FULL_SCALE_PWM, JOINT_LIMITS_RAD, WIRE_JOINTS};
 
 /// Inertia at a joint, duty / (rad/s²). With the default gains a joint is damped a little more than
 /// critically.
@@ -14,8 +14,8 @@ const STEP_SECS: f64 = 0.0005;
 /// Free joints between their stops.
 #[derive(Clone, Debug)]
 pub struct FreeHand {
-    positions: [f64; JOINTS],
-    velocities: [f64; JOINTS],
+    positions: [f64; WIRE_JOINTS],
+    velocities: [f64; WIRE_JOINTS],
 }
 
 impl Default for FreeHand {
@@ -23,14 +23,14 @@ impl Default for FreeHand {
     fn default() -> Self {
         Self {
             positions: JOINT_LIMITS_RAD.map(|[lower, upper]| 0.0f64.clamp(lower, upper)),
-            velocities: [0.0; JOINTS],
+            velocities: [0.0; WIRE_JOINTS],
         }
     }
 }
 
 impl FreeHand {
     /// Moves on by `secs` (at most one second at a time) under the PWM of each flat joint.
-    pub fn step(&mut self, secs: f64, pwm: &[i16; JOINTS]) {
+    pub fn step(&mut self, secs: f64, pwm: &[i16; WIRE_JOINTS]) {
         let secs = if secs.is_finite() { secs.clamp(0.0, 1.0) } else { 0.0 };
         let steps = (secs / STEP_SECS).ceil();
         let dt = if steps > 0.0 { secs / steps } else { 0.0 };
@@ -49,13 +49,13 @@ impl FreeHand {
     }
 
     /// Angle of each flat joint, rad.
-    pub fn positions(&self) -> [f64; JOINTS] {
+    pub fn positions(&self) -> [f64; WIRE_JOINTS] {
         self.positions
     }
 
     /// Puts the joints at rest at these angles, cut to their limits; what is not a number leaves a joint
     /// where it is.
-    pub fn set_positions(&mut self, positions: &[f64; JOINTS]) {
+    pub fn set_positions(&mut self, positions: &[f64; WIRE_JOINTS]) {
         for ((mine, &wanted), [lower, upper]) in
             self.positions.iter_mut().zip(positions).zip(JOINT_LIMITS_RAD)
         {
@@ -63,7 +63,7 @@ impl FreeHand {
                 *mine = wanted.clamp(lower, upper);
             }
         }
-        self.velocities = [0.0; JOINTS];
+        self.velocities = [0.0; WIRE_JOINTS];
     }
 }
 
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn full_torque_runs_at_the_stated_speed_into_the_stop() {
         let mut hand = FreeHand::default();
-        let mut pwm = [0; JOINTS];
+        let mut pwm = [0; WIRE_JOINTS];
         pwm[1] = 675;
         hand.step(0.2, &pwm);
         assert!((hand.velocities[1] - 7.03).abs() < 0.1, "{}", hand.velocities[1]);

@@ -11,8 +11,8 @@ use rand_pcg::Pcg32;
 use serde::{Deserialize, Serialize};
 
 use etude_robot::allegro::{
-    DeviceId, Finger, HandMessage, HandSide, HostMessage, Information, JOINTS, PWM_LIMITS, Request, Serial,
-    StatusBits, counts_from_rad,
+    DeviceId, Finger, HandMessage, HandSide, HostMessage, Information, PWM_LIMITS, Request, Serial,
+    StatusBits, WIRE_JOINTS, counts_from_rad,
 };
 use etude_robot::can::CanFrame;
 
@@ -33,13 +33,13 @@ pub struct HandEmulatorConfig {
     /// Temperature of its board, °C.
     pub board_celsius: u8,
     /// Temperature of each flat joint, °C.
-    pub joint_celsius: [u8; JOINTS],
+    pub joint_celsius: [u8; WIRE_JOINTS],
     /// Bits of the status byte that are set besides the servo's.
     pub fault_bits: u8,
     /// Joints whose encoder counts in the wrong direction.
-    pub reversed: [bool; JOINTS],
+    pub reversed: [bool; WIRE_JOINTS],
     /// Joints whose motor has no torque.
-    pub dead: [bool; JOINTS],
+    pub dead: [bool; WIRE_JOINTS],
     /// Encoder readings are off by up to so many counts, evenly.
     pub noise_counts: u16,
     /// Seed of that noise.
@@ -61,10 +61,10 @@ impl Default for HandEmulatorConfig {
             firmware: 0x0101,
             serial: *b"A0000001",
             board_celsius: 35,
-            joint_celsius: [33; JOINTS],
+            joint_celsius: [33; WIRE_JOINTS],
             fault_bits: 0,
-            reversed: [false; JOINTS],
-            dead: [false; JOINTS],
+            reversed: [false; WIRE_JOINTS],
+            dead: [false; WIRE_JOINTS],
             noise_counts: 0,
             seed: 0,
             off_cuts: true,
@@ -105,10 +105,10 @@ pub struct HandEmulator {
     config: HandEmulatorConfig,
     clock: Duration,
     servo_on: bool,
-    pwm: [i16; JOINTS],
+    pwm: [i16; WIRE_JOINTS],
     torque_at: Duration,
     stream: Stream,
-    positions: [f64; JOINTS],
+    positions: [f64; WIRE_JOINTS],
     noise: Pcg32,
 }
 
@@ -120,10 +120,10 @@ impl HandEmulator {
             config: config.clone(),
             clock: Duration::ZERO,
             servo_on: false,
-            pwm: [0; JOINTS],
+            pwm: [0; WIRE_JOINTS],
             torque_at: Duration::ZERO,
             stream: Stream::default(),
-            positions: [0.0; JOINTS],
+            positions: [0.0; WIRE_JOINTS],
         }
     }
 
@@ -135,7 +135,7 @@ impl HandEmulator {
             HostMessage::ServoOn => self.servo_on = true,
             HostMessage::ServoOff if self.config.off_cuts => {
                 self.servo_on = false;
-                self.pwm = [0; JOINTS];
+                self.pwm = [0; WIRE_JOINTS];
             }
             HostMessage::Torque { finger, pwm } => {
                 let first = 4 * finger.number();
@@ -159,13 +159,13 @@ impl HandEmulator {
     }
 
     /// Where the flat joints are, rad.
-    pub fn set_positions(&mut self, positions: &[f64; JOINTS]) {
+    pub fn set_positions(&mut self, positions: &[f64; WIRE_JOINTS]) {
         self.positions = *positions;
     }
 
     /// The PWM that drives each flat joint now: what was last sent, within the table; 0 when the servo is off, the torque has timed out,
     /// or the motor is dead.
-    pub fn pwm(&self) -> [i16; JOINTS] {
+    pub fn pwm(&self) -> [i16; WIRE_JOINTS] {
         let age = self.clock.saturating_sub(self.torque_at).as_secs_f64();
         let timed_out = self.config.torque_timeout_secs.is_some_and(|timeout| age > timeout);
         let on = self.servo_on && !timed_out;
@@ -255,14 +255,14 @@ mod tests {
         };
         let torque = HostMessage::Torque { finger: Finger::Thumb, pwm: [i16::MAX, i16::MIN, 7, -7] };
         say(&mut emulator, ms(0), torque);
-        assert_eq!(emulator.pwm(), [0; JOINTS], "the servo is off");
+        assert_eq!(emulator.pwm(), [0; WIRE_JOINTS], "the servo is off");
         say(&mut emulator, ms(0), HostMessage::ServoOn);
         say(&mut emulator, ms(1), torque);
         assert_eq!(emulator.pwm()[12..], [525, -405, 7, -7]);
         emulator.tick(ms(100), &mut vec![]);
         assert_eq!(emulator.pwm()[12], 525);
         emulator.tick(ms(102), &mut vec![]);
-        assert_eq!(emulator.pwm(), [0; JOINTS], "timed out");
+        assert_eq!(emulator.pwm(), [0; WIRE_JOINTS], "timed out");
         for request in [
             Request::Information,
             Request::Serial,

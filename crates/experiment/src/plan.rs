@@ -6,7 +6,7 @@ use anyhow::{anyhow, bail};
 use etude_lab::find_song;
 use etude_music::Song;
 use etude_perform::{Mode, shell_word};
-use etude_twin::Truth;
+use etude_twin::TwinParams;
 
 use crate::config::{Experiment, FitConfig, PerformConfig, RehearseConfig, Variant, sets_the_seed};
 use crate::trial::{TrainingConfig, Trial, Work, fingerprint, id, json};
@@ -224,7 +224,7 @@ impl Experiment {
 
     /// Differs for truths of different content, whether they come with Étude or from a file.
     fn fingerprint_of_truth(&self, truth: &str) -> anyhow::Result<String> {
-        let truth = Truth::load(truth).map_err(|error| anyhow!("experiment {}: {error}", self.name))?;
+        let truth = TwinParams::load(truth).map_err(|error| anyhow!("experiment {}: {error}", self.name))?;
         Ok(format!("{:08x}", truth.fingerprint()))
     }
 }
@@ -386,7 +386,7 @@ runs = 3
     fn another_truth_under_the_same_name_is_another_trial() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("standard.toml");
-        let text = include_str!("../../../configs/truths/standard.toml");
+        let text = include_str!("../../../configs/twin-params/standard.toml");
         let experiment = Experiment::load("identification").unwrap();
         let fingerprint_of = |text: &str| {
             std::fs::write(&file, text).unwrap();

@@ -275,7 +275,7 @@ impl Doing<'_, '_> {
         let config = RehearsalConfig {
             song: name,
             rig: rig.name().to_string(),
-            truth: Some(truth_name.to_string()),
+            twin_params: Some(truth_name.to_string()),
             rounds,
             runs,
             mode,

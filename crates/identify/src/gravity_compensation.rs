@@ -12,7 +12,7 @@
 //! of the weight.
 
 use etude_robot::allegro::{self, holding_torques};
-use etude_robot::joints::FINGER_JOINTS;
+use etude_robot::joints::HAND_DRIVEN_JOINTS;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
@@ -27,7 +27,7 @@ const STEADY_RAD_PER_SEC2: f64 = 5.0;
 /// Terms that all joints share, and those of each.
 const SHARED: usize = 2;
 const TERMS: usize = 3;
-const UNKNOWNS: usize = SHARED + TERMS * FINGER_JOINTS;
+const UNKNOWNS: usize = SHARED + TERMS * HAND_DRIVEN_JOINTS;
 /// Folds of the jackknife, and Student's t of so many folds for 95 %.
 const FOLDS: usize = 10;
 const STUDENT_T: f64 = 2.262;
@@ -150,10 +150,10 @@ fn add_samples(motion: &Motion, index: usize, rows: &mut Vec<TurningSample>) {
     let reading = |at: usize| motion.fingers[at];
     let ((before, from), (now, at), (after, to)) =
         (reading(index - HALF_WINDOW), reading(index), reading(index + HALF_WINDOW));
-    let mut positions = [0.0; allegro::JOINTS];
-    positions[..FINGER_JOINTS].copy_from_slice(&at);
+    let mut positions = [0.0; allegro::WIRE_JOINTS];
+    positions[..HAND_DRIVEN_JOINTS].copy_from_slice(&at);
     let holding = holding_torques(&positions);
-    for joint in 0..FINGER_JOINTS {
+    for joint in 0..HAND_DRIVEN_JOINTS {
         let [came, went] =
             [(at[joint] - from[joint]) / (now - before), (to[joint] - at[joint]) / (after - now)];
         let velocity = (to[joint] - from[joint]) / (after - before);

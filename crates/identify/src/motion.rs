@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use etude_music::{CONTROL_HZ, KEY_COUNT, KeyEvent, LOWEST_PITCH};
 use etude_perform::{Activity, Excitation, HandMessage, Recording, RecordingError};
 use etude_robot::allegro::RAD_PER_COUNT;
-use etude_robot::joints::FINGER_JOINTS;
+use etude_robot::joints::HAND_DRIVEN_JOINTS;
 use etude_robot::rig::{RigConfig, SETPOINT_HZ};
 use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PHYSICS_STEPS, RAIL, Side};
 
@@ -66,9 +66,9 @@ pub struct Motion {
     /// Measured positions before the first command, rad, the rail in m.
     pub start: [f64; DRIVEN_JOINTS],
     /// Readings of the finger joints: time, s, and rad.
-    pub fingers: Vec<(f64, [f64; FINGER_JOINTS])>,
+    pub fingers: Vec<(f64, [f64; HAND_DRIVEN_JOINTS])>,
     /// Duties (of 1200) that were sent after each reading of the fingers.
-    pub pwm: Vec<[f64; FINGER_JOINTS]>,
+    pub pwm: Vec<[f64; HAND_DRIVEN_JOINTS]>,
     /// Readings of the rail: time, s, and m.
     pub rail: Vec<(f64, f64)>,
     /// Standard deviation of the readings of a joint at rest.
@@ -290,14 +290,14 @@ fn commands(recording: &Recording) -> Result<Commands, String> {
     Ok(Commands::SetPoints(steps.to_vec()))
 }
 
-type FingerReadings = Vec<(f64, [f64; FINGER_JOINTS])>;
+type FingerReadings = Vec<(f64, [f64; HAND_DRIVEN_JOINTS])>;
 
 /// Readings of the fingers before the first command, and from then to the end.
 fn finger_readings(recording: &Recording, secs: f64) -> Result<(FingerReadings, FingerReadings), String> {
     let readings: Option<FingerReadings> = recording
         .hand
         .iter()
-        .map(|(at, message)| Some((*at, *message.positions.first_chunk::<FINGER_JOINTS>()?)))
+        .map(|(at, message)| Some((*at, *message.positions.first_chunk::<HAND_DRIVEN_JOINTS>()?)))
         .collect();
     let readings = readings.ok_or("a reading of the hand in it has too few joints; record it again")?;
     // Readings before the start have the time 0.
@@ -307,7 +307,7 @@ fn finger_readings(recording: &Recording, secs: f64) -> Result<(FingerReadings, 
 }
 
 /// Duties of the last `count` periods that ended by `secs`, those of the readings of the fingers.
-fn duties(recording: &Recording, count: usize, secs: f64) -> Vec<[f64; FINGER_JOINTS]> {
+fn duties(recording: &Recording, count: usize, secs: f64) -> Vec<[f64; HAND_DRIVEN_JOINTS]> {
     let end = recording.hand.partition_point(|(at, _)| *at <= secs);
     let duty =
         |message: &HandMessage, joint: usize| message.pwm.get(joint).map_or(0.0, |&pwm| f64::from(pwm));
@@ -353,7 +353,7 @@ fn check_times(
 /// Refuses recordings in which a drive was at its limit for a larger share of the time than
 /// `max_share`.
 fn check_limits(recording: &Recording, secs: f64, max_share: f64) -> Result<(), String> {
-    for (joint, name) in JOINT_NAMES.iter().enumerate().take(FINGER_JOINTS) {
+    for (joint, name) in JOINT_NAMES.iter().enumerate().take(HAND_DRIVEN_JOINTS) {
         let cut = |message: &HandMessage| {
             let [wanted, sent] =
                 [message.wanted.get(joint).copied(), message.pwm.get(joint).map(|&pwm| f64::from(pwm))];

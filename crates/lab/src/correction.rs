@@ -33,7 +33,7 @@ pub struct CorrectionFile {
 /// With another one of these the motion is another, or the robot misses it otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct OnlyFor {
-    /// Name of the rig, and of a twin's truth.
+    /// Name of the rig, and of the twin parameters.
     robot: String,
     /// Checksum of the song's notes.
     notes: u32,

@@ -34,7 +34,7 @@ pub struct Recorded {
 }
 
 /// Brings a robot up (and, with `home`, to the keyboard), lets it move, and records everything that happens. `seed` is
-/// added to that of a twin's truth.
+/// added to that of the twin parameters.
 ///
 /// # Errors
 /// If the robot does not get ready, or the recording cannot be written. A robot that stops itself is an [`Ending`].

@@ -9,19 +9,19 @@ use etude_lab::{Motion as Recorded, record_robot};
 use etude_perform::Excitation;
 use etude_perform::session::RigChoice;
 use etude_stage::{PhysicalParams, StageConfig, World};
-use etude_twin::Truth;
+use etude_twin::TwinParams;
 
 #[test]
 fn a_hand_in_the_air_has_no_contact() {
     let folder = tempfile::tempdir().unwrap();
-    for truth in ["standard", "random:7"] {
+    for twin_params in ["standard", "random:7"] {
         for excitation in [Excitation::OpenClose, Excitation::Chirp, Excitation::Rail, Excitation::Held] {
-            let rig = RigChoice::Twin(Box::new(Truth::load(truth).unwrap()));
+            let rig = RigChoice::Twin(Box::new(TwinParams::load(twin_params).unwrap()));
             let path = folder.path().join("air.mcap");
             record_robot(&rig, Recorded::Excitation(excitation), true, 0, &path, &AtomicBool::new(false))
                 .unwrap();
             let motion = Motion::load(&path).unwrap();
-            assert!(motion.is_in_the_air(), "{truth}, {}", excitation.name());
+            assert!(motion.is_in_the_air(), "{twin_params}, {}", excitation.name());
             let Commands::Targets(targets) = &motion.commands else { panic!("excitations are targets") };
             let mut world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();
             world.reset_to(&motion.start);
@@ -29,7 +29,7 @@ fn a_hand_in_the_air_has_no_contact() {
             for targets in targets {
                 world.step_watched(targets, |world| contacts += world.data().contact().len());
             }
-            assert_eq!(contacts, 0, "{truth}, {}", excitation.name());
+            assert_eq!(contacts, 0, "{twin_params}, {}", excitation.name());
         }
     }
 }

@@ -8,12 +8,12 @@ use etude_identify::{GravityCompensation, Motion, fit_gravity_compensation};
 use etude_lab::record_excitations;
 use etude_perform::Excitation;
 use etude_perform::session::RigChoice;
-use etude_twin::Truth;
+use etude_twin::TwinParams;
 
 fn weighed(change: &str) -> GravityCompensation {
-    let truth = Truth::load("mild").unwrap().with(change).unwrap();
+    let twin_params = TwinParams::load("mild").unwrap().with(change).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let rig = RigChoice::Twin(Box::new(truth));
+    let rig = RigChoice::Twin(Box::new(twin_params));
     let recordings =
         record_excitations(&rig, &Excitation::ALL, folder.path(), 0, &AtomicBool::new(false), &mut |_, _| {})
             .unwrap();
@@ -23,7 +23,7 @@ fn weighed(change: &str) -> GravityCompensation {
 #[test]
 fn the_feed_forward_is_found() {
     // The joint at a finger's base, the second of four, carries most of the weight.
-    // Three of the motors that a truth may have (docs/twin.md).
+    // Three of the motors that a parameter set may have (docs/twin.md).
     for (torque_nm, dead_pwm) in [(0.92, 4), (0.8, 10), (0.7, 15)] {
         let change = format!(
             "[world]\ngravity = true\n[hand]\nfull_torque_nm = [{torque_nm}, {torque_nm}, {torque_nm}, {torque_nm}]\n\

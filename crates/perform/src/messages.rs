@@ -82,7 +82,7 @@ pub struct Header {
     pub song: String,
     /// Who played: a policy file, `scripted`, or `nobody`.
     pub player: String,
-    /// Which rig: `simulation`, `twin` with its truth in parentheses, or the name of a robot.
+    /// Which rig: `simulation`, `twin` with its parameters in parentheses, or the name of a robot.
     pub rig: String,
     /// What the rig did.
     pub activity: Activity,

@@ -51,7 +51,7 @@ pub fn record_release(
     pace: &mut dyn Pace,
     writer: &mut RecordingWriter,
 ) -> Result<(), PerformError> {
-    if let Some(released) = robot.let_go_at() {
+    if let Some(released) = robot.first_released_at() {
         pace.run_until(robot, released + OBSERVED);
     }
     let begun = Duration::try_from_secs_f64(writer.begun_secs).unwrap_or_default();

@@ -16,18 +16,18 @@ pub const DRIVEN: usize = 13;
 /// Index of the rail among the driven joints.
 pub const RAIL: usize = DRIVEN - 1;
 /// Finger joints among the driven ones; on the wire they come first, in the same order.
-pub const FINGER_JOINTS: usize = RAIL;
+pub const HAND_DRIVEN_JOINTS: usize = RAIL;
 
 /// The wire's sixteen angles from the driven joints and the thumb's four angles, rad.
-pub fn to_wire(driven: &[f64; DRIVEN], thumb_rad: &[f64; 4]) -> [f64; allegro::JOINTS] {
-    std::array::from_fn(|joint| match joint.checked_sub(FINGER_JOINTS) {
+pub fn to_wire(driven: &[f64; DRIVEN], thumb_rad: &[f64; 4]) -> [f64; allegro::WIRE_JOINTS] {
+    std::array::from_fn(|joint| match joint.checked_sub(HAND_DRIVEN_JOINTS) {
         None => driven[joint],
         Some(thumb) => thumb_rad[thumb],
     })
 }
 
 /// The driven joints from the wire's sixteen angles (rad) and the place on the rail (m).
-pub fn from_wire(wire_rad: &[f64; allegro::JOINTS], rail_m: f64) -> [f64; DRIVEN] {
+pub fn from_wire(wire_rad: &[f64; allegro::WIRE_JOINTS], rail_m: f64) -> [f64; DRIVEN] {
     std::array::from_fn(|joint| if joint == RAIL { rail_m } else { wire_rad[joint] })
 }
 

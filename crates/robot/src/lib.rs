@@ -13,9 +13,10 @@
 //! | [`keyboard`] | the MIDI keyboard: parser, driver |
 //! | [`joints`] | the order of joints, stated once |
 //! | [`limiter`] | what every set-point goes through |
-//! | [`calibration`] | where the keyboard stands, and the arm's way along it |
+//! | [`calibration`] | where the keyboard stands, and the arm's path along it |
 //! | [`rig`] | a rig's file |
 //! | [`Robot`] | the controller of all three devices |
+//! | [`hand_guiding`] | the arm alone, guided by hand for calibration |
 //! | [`priority`] | real-time priority of the controlling thread |
 //! | [`setting`] | the ranges of settings |
 //! | [`stream`] | reading and writing without blocking |
@@ -25,9 +26,9 @@
 pub mod allegro;
 pub mod calibration;
 pub mod can;
+pub mod hand_guiding;
 pub mod joints;
 pub mod keyboard;
-pub mod lead;
 pub mod limiter;
 pub mod monitor;
 mod pace;
@@ -42,6 +43,6 @@ pub mod xarm;
 
 pub use pace::{Pace, RealTime};
 pub use robot::{
-    Doubt, Fault, OBSERVED, Phase, ROOTS_OVER_KEYS_M, Record, Refused, Robot, RobotError, WIGGLED, Warmth,
-    Wiggled, propose_fence, wiggle,
+    Fault, Implausible, JOINTS_CHECKED, JointCheck, MotorHeat, OBSERVED, Phase, ROOTS_OVER_KEYS_M, Record,
+    Refused, Robot, RobotError, check_joints, propose_fence,
 };

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::allegro::{Finger, HandMessage, HostMessage, Information, JOINTS, Request, rad_from_counts};
+use crate::allegro::{Finger, HandMessage, HostMessage, Information, Request, WIRE_JOINTS, rad_from_counts};
 use crate::can::{self, CanTransport};
 use crate::keyboard::{self, KeyChange, Keyboard, MidiSource};
 use crate::rig::RigConfig;
@@ -14,7 +14,7 @@ use crate::xarm::{ArmConnection, ArmLinkError};
 #[derive(Debug)]
 pub struct Seen {
     /// Angles of the hand's joints as on the wire, rad, and its Information reply.
-    pub hand: Result<(Option<[f64; JOINTS]>, Option<Information>), String>,
+    pub hand: Result<(Option<[f64; WIRE_JOINTS]>, Option<Information>), String>,
     /// The newest report of the arm.
     pub arm: Result<Option<Report>, String>,
     /// Keys that are down: bit 0 is the lowest.
@@ -130,7 +130,7 @@ impl Monitor {
     /// The last data of each device.
     pub fn seen(&self) -> Seen {
         let angles = || {
-            let mut angles = [0.0; JOINTS];
+            let mut angles = [0.0; WIRE_JOINTS];
             for (four, counts) in angles.chunks_exact_mut(4).zip(&self.counts) {
                 let counts = (*counts)?;
                 for (angle, count) in four.iter_mut().zip(counts) {

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::allegro::{HandConfig, JOINT_LIMITS_RAD, JOINTS, JointLoopConfig};
-use crate::joints::{DRIVEN, FINGER_JOINTS, RAIL};
+use crate::allegro::{HandConfig, JOINT_LIMITS_RAD, JointLoopConfig, WIRE_JOINTS};
+use crate::joints::{DRIVEN, HAND_DRIVEN_JOINTS, RAIL};
 use crate::keyboard::{Keyboard, KeyboardConfig};
 use crate::limiter::AxisLimits;
 use crate::setting::{POSITIVE, SettingError, check_range};
@@ -215,7 +215,7 @@ impl RigConfig {
         }
         for (axis, limits) in self.axes().iter().enumerate() {
             let joint =
-                if axis < JOINTS { format!("joint {axis} of the hand") } else { "the rail".to_string() };
+                if axis < WIRE_JOINTS { format!("joint {axis} of the hand") } else { "the rail".to_string() };
             limits.check().map_err(|message| RigError::Limits { joint, message })?;
         }
         let limits = &self.limits;
@@ -229,7 +229,7 @@ impl RigConfig {
             )));
         }
         check_range("limits.calibration_days", limits.calibration_days as f64, 0.0, MOST_DAYS)?;
-        for (&angle, &[low, high]) in limits.thumb_rad.iter().zip(&JOINT_LIMITS_RAD[FINGER_JOINTS..]) {
+        for (&angle, &[low, high]) in limits.thumb_rad.iter().zip(&JOINT_LIMITS_RAD[HAND_DRIVEN_JOINTS..]) {
             check_range("limits.thumb_rad", angle, low, high)?;
         }
         self.hand.check()?;
@@ -240,7 +240,7 @@ impl RigConfig {
     }
 
     /// Limits of the set-points: the sixteen joints of the hand as on the wire, then the rail.
-    pub fn axes(&self) -> [AxisLimits; crate::allegro::JOINTS + 1] {
+    pub fn axes(&self) -> [AxisLimits; crate::allegro::WIRE_JOINTS + 1] {
         let limits = &self.limits;
         std::array::from_fn(|axis| match JOINT_LIMITS_RAD.get(axis) {
             Some(range) => AxisLimits {
@@ -260,7 +260,7 @@ impl RigConfig {
 }
 
 // The driven joints are those of the first three fingers and the rail.
-const _: () = assert!(RAIL == FINGER_JOINTS && DRIVEN == FINGER_JOINTS + 1);
+const _: () = assert!(RAIL == HAND_DRIVEN_JOINTS && DRIVEN == HAND_DRIVEN_JOINTS + 1);
 
 #[cfg(test)]
 mod tests {

@@ -4,11 +4,11 @@
 //! that a motor's torque has to cross is in `play`.
 
 use etude_robot::allegro::{self, FULL_SCALE_PWM};
-use etude_robot::joints::FINGER_JOINTS;
+use etude_robot::joints::HAND_DRIVEN_JOINTS;
 use etude_stage::params::JointRow;
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL};
 
-use crate::numbers::{FINGER, HandTruth, STEP};
+use crate::numbers::{FINGER, HandParams, STEP};
 
 /// Speed at which a joint has mostly broken loose from the friction that held it, rad/s: our choice, slower than any
 /// key is struck.
@@ -25,18 +25,18 @@ pub(crate) struct Drives {
 }
 
 impl Drives {
-    pub(crate) fn new(truth: &HandTruth, params: &PhysicalParams) -> Self {
+    pub(crate) fn new(hand: &HandParams, params: &PhysicalParams) -> Self {
         Self {
-            full_torque_nm: truth.full_torque_nm,
-            dead_pwm: truth.dead_pwm.into(),
-            lost_per_speed: truth.no_load_rad_per_sec.map_or(0.0, f64::recip),
+            full_torque_nm: hand.full_torque_nm,
+            dead_pwm: hand.dead_pwm.into(),
+            lost_per_speed: hand.no_load_rad_per_sec.map_or(0.0, f64::recip),
             friction: std::array::from_fn(|joint| params.joint(JointRow::Friction, joint)),
-            friction_at_rest: truth.friction_at_rest,
+            friction_at_rest: hand.friction_at_rest,
         }
     }
 
     /// Torque of the motor of flat joint `joint` (any but the thumb's) under this duty when it turns at `speed`, rad/s, N·m.
-    pub(crate) fn torque(&self, joint: usize, pwm: &[i16; allegro::JOINTS], speed: f64) -> f64 {
+    pub(crate) fn torque(&self, joint: usize, pwm: &[i16; allegro::WIRE_JOINTS], speed: f64) -> f64 {
         let pwm = f64::from(pwm.get(joint).copied().unwrap_or_default());
         let beyond = (pwm.abs() - self.dead_pwm).max(0.0).copysign(pwm);
         let share = beyond / f64::from(FULL_SCALE_PWM) - self.lost_per_speed * speed;
@@ -61,14 +61,14 @@ pub(crate) struct Encoders {
     /// Share of the way to the unfiltered position in one step.
     pace: f64,
     /// Where the drives are, and what the filter says; none before the first reading.
-    state: Option<([f64; FINGER_JOINTS], [f64; FINGER_JOINTS])>,
+    state: Option<([f64; HAND_DRIVEN_JOINTS], [f64; HAND_DRIVEN_JOINTS])>,
 }
 
 impl Encoders {
-    pub(crate) fn new(truth: &HandTruth) -> Self {
-        let steps = truth.filter_secs / STEP.as_secs_f64();
+    pub(crate) fn new(hand: &HandParams) -> Self {
+        let steps = hand.filter_secs / STEP.as_secs_f64();
         Self {
-            half_play: truth.backlash_rad / 2.0,
+            half_play: hand.backlash_rad / 2.0,
             pace: if steps > 0.0 { 1.0 - (-1.0 / steps).exp() } else { 1.0 },
             state: None,
         }
@@ -76,7 +76,7 @@ impl Encoders {
 
     /// What they read one [`STEP`] later, now that the links are at `joints` (rad). The rail has none.
     pub(crate) fn read(&mut self, joints: &[f64; DRIVEN_JOINTS]) -> [f64; DRIVEN_JOINTS] {
-        let links: [f64; FINGER_JOINTS] = std::array::from_fn(|joint| joints[joint]);
+        let links: [f64; HAND_DRIVEN_JOINTS] = std::array::from_fn(|joint| joints[joint]);
         let (drives, filtered) = self.state.get_or_insert((links, links));
         for ((drive, filtered), link) in drives.iter_mut().zip(filtered.iter_mut()).zip(links) {
             *drive = drive.max(link - self.half_play).min(link + self.half_play);
@@ -91,17 +91,17 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn drives(truth: &HandTruth) -> Drives {
+    fn drives(hand: &HandParams) -> Drives {
         let mut params = PhysicalParams::default();
         params.set("joint.all.friction", 0.02).unwrap();
-        Drives::new(truth, &params)
+        Drives::new(hand, &params)
     }
 
     #[test]
     fn each_joint_of_a_finger_has_its_own_torque_beyond_the_dead_band() {
         let full_torque_nm = [1.0, 2.0, 3.0, 4.0];
-        let drives = drives(&HandTruth { full_torque_nm, dead_pwm: 20, ..HandTruth::default() });
-        let torque = |joint: usize, pwm: i16| drives.torque(joint, &[pwm; allegro::JOINTS], 0.0);
+        let drives = drives(&HandParams { full_torque_nm, dead_pwm: 20, ..HandParams::default() });
+        let torque = |joint: usize, pwm: i16| drives.torque(joint, &[pwm; allegro::WIRE_JOINTS], 0.0);
         for pwm in [-20, -7, 0, 1, 20] {
             assert_eq!(torque(5, pwm), 0.0);
         }
@@ -115,15 +115,15 @@ mod tests {
 
     #[test]
     fn a_motor_loses_torque_with_speed_and_has_none_at_its_no_load_speed() {
-        let drives = drives(&HandTruth { no_load_rad_per_sec: Some(8.0), ..HandTruth::default() });
-        let torque = |pwm: i16, speed: f64| drives.torque(5, &[pwm; allegro::JOINTS], speed);
+        let drives = drives(&HandParams { no_load_rad_per_sec: Some(8.0), ..HandParams::default() });
+        let torque = |pwm: i16, speed: f64| drives.torque(5, &[pwm; allegro::WIRE_JOINTS], speed);
         assert!((torque(1200, 0.0) - 1.0).abs() < 1e-12 && torque(1200, 8.0).abs() < 1e-12);
         assert!((torque(600, 2.0) - 0.25).abs() < 1e-12 && (torque(0, -4.0) - 0.5).abs() < 1e-12);
     }
 
     #[test]
     fn a_joint_at_rest_holds_faster() {
-        let drives = drives(&HandTruth { friction_at_rest: 1.5, ..HandTruth::default() });
+        let drives = drives(&HandParams { friction_at_rest: 1.5, ..HandParams::default() });
         let at_rest = drives.friction(&[0.0; DRIVEN_JOINTS]);
         assert!((at_rest[3] - 0.03).abs() < 1e-12);
         assert_eq!(at_rest[RAIL], 0.02);
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn play_is_a_dead_band_on_the_way_back() {
-        let mut encoders = Encoders::new(&HandTruth { backlash_rad: 0.02, ..HandTruth::default() });
+        let mut encoders = Encoders::new(&HandParams { backlash_rad: 0.02, ..HandParams::default() });
         let mut read = |angle: f64| encoders.read(&[angle; DRIVEN_JOINTS])[4];
         assert_eq!(read(0.0), 0.0);
         assert!((read(0.5) - 0.49).abs() < 1e-12);
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn the_filter_is_of_first_order() {
-        let mut encoders = Encoders::new(&HandTruth { filter_secs: 0.004, ..HandTruth::default() });
+        let mut encoders = Encoders::new(&HandParams { filter_secs: 0.004, ..HandParams::default() });
         encoders.read(&[0.0; DRIVEN_JOINTS]);
         for step in 1..=8 {
             let read = encoders.read(&[1.0; DRIVEN_JOINTS])[0];
@@ -161,7 +161,7 @@ mod tests {
             play in 0.0..0.1f64,
             angles in prop::collection::vec(-2.0..2.0f64, 1..50),
         ) {
-            let mut encoders = Encoders::new(&HandTruth { backlash_rad: play, ..HandTruth::default() });
+            let mut encoders = Encoders::new(&HandParams { backlash_rad: play, ..HandParams::default() });
             for angle in angles {
                 let read = encoders.read(&[angle; DRIVEN_JOINTS])[7];
                 prop_assert!((read - angle).abs() <= play / 2.0 + 1e-12);

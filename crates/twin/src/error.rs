@@ -1,4 +1,4 @@
-//! Errors of a truth.
+//! Errors of twin parameters.
 
 use std::path::PathBuf;
 
@@ -6,22 +6,22 @@ use etude_emulators::faults::{FaultError, FaultPlanError};
 use etude_robot::setting::SettingError;
 use etude_stage::ParamError;
 
-/// A truth that no twin can have.
+/// A parameter set that no twin can have.
 #[derive(Debug, thiserror::Error)]
-pub enum TruthError {
+pub enum TwinParamsError {
     /// The file cannot be read.
-    #[error("cannot read the truth {path}: {message}")]
+    #[error("cannot read the twin parameters {path}: {message}")]
     Read {
         /// The file.
         path: PathBuf,
         /// Why.
         message: String,
     },
-    /// The text does not describe a truth.
-    #[error("this is not a valid truth of a twin: {0}; configs/truths has examples")]
+    /// The text does not describe twin parameters.
+    #[error("these are not valid twin parameters: {0}; configs/twin-params has examples")]
     Text(String),
-    /// The seed of a truth that is drawn is not one.
-    #[error("there is no truth `{0}`: its seed is a whole number from 0 to {max}, as in `random:7`", max = u32::MAX)]
+    /// The seed of a parameter set that is drawn is not one.
+    #[error("there are no twin parameters `{0}`: its seed is a whole number from 0 to {max}, as in `random:7`", max = u32::MAX)]
     Seed(String),
     /// A physical number is unknown or out of range.
     #[error("the twin's physics: {0}")]

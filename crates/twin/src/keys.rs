@@ -8,7 +8,7 @@ use std::time::Duration;
 use etude_music::KEY_COUNT;
 use etude_stage::strike_velocity;
 
-use crate::numbers::{KeysTruth, STEP};
+use crate::numbers::{KeyParams, STEP};
 
 /// An event of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,12 +42,12 @@ pub(crate) struct Keys {
 
 impl Keys {
     /// Keys whose second contacts are at `second`, as shares of travel.
-    pub(crate) fn new(truth: &KeysTruth, second: [f64; KEY_COUNT]) -> Self {
+    pub(crate) fn new(keys: &KeyParams, second: [f64; KEY_COUNT]) -> Self {
         Self {
-            first: truth.first_contact,
+            first: keys.first_contact,
             second,
-            loudest_secs: truth.loudest_secs,
-            softest_secs: truth.softest_secs,
+            loudest_secs: keys.loudest_secs,
+            softest_secs: keys.softest_secs,
             contacts: [Contacts::Open; KEY_COUNT],
         }
     }
@@ -94,7 +94,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn keys() -> Keys {
-        Keys::new(&KeysTruth::default(), [0.5; KEY_COUNT])
+        Keys::new(&KeyParams::default(), [0.5; KEY_COUNT])
     }
 
     /// What key 7 says while it goes through these places, one a millisecond.

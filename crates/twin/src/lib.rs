@@ -1,5 +1,5 @@
 //! The twin: an emulated robot. Its devices are those of `etude-emulators`, which use the same bytes as the real ones. They
-//! are moved by a MuJoCo world with its own [`Truth`], which has shorter steps than the simulator and is hidden from the
+//! are moved by a MuJoCo world with its own [`TwinParams`], which has shorter steps than the simulator and is hidden from the
 //! controller.
 //!
 //! [`Lockstep`] lets a controller and a twin run against each other without sockets or clocks; [`TwinServer`] puts a twin
@@ -11,17 +11,17 @@ mod keys;
 mod lockstep;
 mod mount;
 mod numbers;
+mod params;
 mod play;
 mod random;
 mod server;
-mod truth;
 mod twin;
 
-pub use error::TruthError;
+pub use error::TwinParamsError;
 pub use etude_emulators::ArmPorts;
 pub use etude_emulators::faults::{FaultError, FaultKind, OrderedFault};
 pub use lockstep::Lockstep;
 pub use numbers::STEP;
+pub use params::TwinParams;
 pub use server::{ServeError, TwinServer};
-pub use truth::Truth;
 pub use twin::{ARM_SERIAL, SHOWN_KEYS, Twin, TwinError, calibration, stage_side};

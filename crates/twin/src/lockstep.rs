@@ -1,4 +1,4 @@
-//! A controller and a twin in lockstep: no sockets and no clock, so hours pass in minutes and the same policy, truth and
+//! A controller and a twin in lockstep: no sockets and no clock, so hours pass in minutes and the same policy, parameter set and
 //! seed give the same recording, byte for byte.
 
 use std::time::Duration;
@@ -12,8 +12,8 @@ use etude_robot::wires::Wires;
 use etude_robot::xarm::ArmLinkError;
 use etude_robot::{Pace, Robot};
 
-use crate::error::TruthError;
-use crate::numbers::{LinksTruth, STEP};
+use crate::error::TwinParamsError;
+use crate::numbers::{LinkParams, STEP};
 use crate::twin::{Twin, TwinError};
 
 /// A twin at the other end of a controller's wires.
@@ -41,7 +41,7 @@ struct Links {
 }
 
 impl Links {
-    fn new(truth: &LinksTruth, faults: Faults, seed: u64) -> Result<Self, FaultPlanError> {
+    fn new(links: &LinkParams, faults: Faults, seed: u64) -> Result<Self, FaultPlanError> {
         // Every link has its own random draws.
         let plan = |plan: &FaultPlan, number: u64| FaultPlan {
             seed: plan.seed.wrapping_add(seed).wrapping_mul(8).wrapping_add(number),
@@ -50,31 +50,31 @@ impl Links {
         Ok(Self {
             now: Duration::ZERO,
             faults,
-            to_hand: FaultyFrames::new(&plan(&truth.can, 0))?,
-            from_hand: FaultyFrames::new(&plan(&truth.can, 1))?,
-            to_arm: FaultyBytes::new(&plan(&truth.arm, 2))?,
-            from_arm: FaultyBytes::new(&plan(&truth.arm, 3))?,
-            reports: FaultyBytes::new(&plan(&truth.arm, 4))?,
-            midi: FaultyBytes::new(&plan(&truth.midi, 5))?,
+            to_hand: FaultyFrames::new(&plan(&links.can, 0))?,
+            from_hand: FaultyFrames::new(&plan(&links.can, 1))?,
+            to_arm: FaultyBytes::new(&plan(&links.arm, 2))?,
+            from_arm: FaultyBytes::new(&plan(&links.arm, 3))?,
+            reports: FaultyBytes::new(&plan(&links.arm, 4))?,
+            midi: FaultyBytes::new(&plan(&links.midi, 5))?,
         })
     }
 }
 
 impl Lockstep {
-    /// Connects a twin by the links of its truth. Delays of less than a step of the twin, a millisecond, are one.
+    /// Connects a twin by the links of its parameters. Delays of less than a step of the twin, a millisecond, are one.
     ///
     /// # Errors
     /// If the faults of the links are not valid.
     pub fn new(mut twin: Twin) -> Result<Self, TwinError> {
         let client = twin.devices.arm.connect();
-        let numbers = &twin.truth.numbers;
-        let wires = Links::new(&numbers.links, Faults::new(&numbers.faults), twin.truth.run_seed())
-            .map_err(TruthError::from)?;
+        let numbers = &twin.twin_params.numbers;
+        let wires = Links::new(&numbers.links, Faults::new(&numbers.faults), twin.twin_params.run_seed())
+            .map_err(TwinParamsError::from)?;
         let reports = ReportKind::Real;
         Ok(Self { twin, reports, wires, client, frames: Vec::new(), bytes: Vec::new() })
     }
 
-    /// Begins a fault now, in addition to those that the truth orders.
+    /// Begins a fault now, in addition to those that the parameter set orders.
     pub fn begin(&mut self, fault: FaultKind) {
         let now = self.twin.now();
         self.wires.faults.begin(fault, &mut self.twin.devices, now);

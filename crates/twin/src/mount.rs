@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use etude_stage::geometry::HALF_WIDTH;
 
-use crate::numbers::{ArmTruth, Purpose, signed_share};
+use crate::numbers::{ArmParams, Purpose, signed_share};
 
 /// How far the hand is off the place that the arm's joints say.
 pub(crate) struct Mount {
@@ -18,11 +18,11 @@ pub(crate) struct Mount {
 }
 
 impl Mount {
-    pub(crate) fn new(truth: &ArmTruth, seed: u64) -> Self {
+    pub(crate) fn new(arm: &ArmParams, seed: u64) -> Self {
         Self {
-            sag_m: truth.sag_m,
-            error_m: truth.error_m,
-            waves: TAU / truth.error_period_m,
+            sag_m: arm.sag_m,
+            error_m: arm.error_m,
+            waves: TAU / arm.error_period_m,
             phases: std::array::from_fn(|axis| PI * signed_share(seed, Purpose::KinematicError, axis)),
         }
     }

@@ -1,4 +1,4 @@
-//! The numbers of a [`Truth`](crate::Truth): what may stand in its file. They do not leave this crate.
+//! The numbers of a [`TwinParams`](crate::TwinParams): what may stand in its file. They do not leave this crate.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use etude_stage::params::WorldRow;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
 use serde::{Deserialize, Serialize};
 
-use crate::error::TruthError;
+use crate::error::TwinParamsError;
 
 /// One step of the twin: a third of the hand's period, a fifth of the simulator's physics step.
 pub const STEP: Duration = Duration::from_millis(1);
@@ -20,7 +20,7 @@ pub(crate) const FINGER: usize = 4;
 /// How far apart the two contacts of a key are at least, and the second from the stop, as a share of its travel.
 const CONTACT_GAP: f64 = 0.02;
 
-/// One truth, one TOML file.
+/// One parameter set, one TOML file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Numbers {
@@ -31,26 +31,26 @@ pub(crate) struct Numbers {
     /// Physical numbers of its world other than the defaults, by path.
     pub(crate) physics: BTreeMap<String, f64>,
     /// How its world is computed, and how the keyboard stands in it.
-    pub(crate) world: WorldTruth,
+    pub(crate) world: WorldParams,
     /// The hand.
-    pub(crate) hand: HandTruth,
+    pub(crate) hand: HandParams,
     /// The arm.
-    pub(crate) arm: ArmTruth,
+    pub(crate) arm: ArmParams,
     /// The keyboard's line.
     pub(crate) keyboard: KeyboardEmulatorConfig,
     /// The keys and their contacts.
-    pub(crate) keys: KeysTruth,
+    pub(crate) keys: KeyParams,
     /// What happens on the wires.
-    pub(crate) links: LinksTruth,
+    pub(crate) links: LinkParams,
     /// What goes wrong, and when.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) faults: Vec<OrderedFault>,
 }
 
-/// The truth of a world, in addition to its physical numbers.
+/// The parameter set of a world, in addition to its physical numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct WorldTruth {
+pub(crate) struct WorldParams {
     /// `implicitfast`, or the simulator's `euler`.
     pub(crate) integrator: Integrator,
     /// Shape of friction: `pyramidal`, or the simulator's `elliptic`.
@@ -63,7 +63,7 @@ pub(crate) struct WorldTruth {
     pub(crate) gravity: bool,
 }
 
-impl Default for WorldTruth {
+impl Default for WorldParams {
     fn default() -> Self {
         Self {
             integrator: Integrator::ImplicitFast,
@@ -74,10 +74,10 @@ impl Default for WorldTruth {
     }
 }
 
-/// The truth of a hand. Encoder readings are in whole counts, as the wire has them.
+/// The parameter set of a hand. Encoder readings are in whole counts, as the wire has them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct HandTruth {
+pub(crate) struct HandParams {
     /// Torque at full duty of the four joints of a finger, N·m.
     pub(crate) full_torque_nm: [f64; FINGER],
     /// Duty that moves nothing, in counts of PWM; more of it counts from there.
@@ -102,7 +102,7 @@ pub(crate) struct HandTruth {
     pub(crate) torque_timeout_secs: Option<f64>,
 }
 
-impl Default for HandTruth {
+impl Default for HandParams {
     fn default() -> Self {
         Self {
             full_torque_nm: [1.0; FINGER],
@@ -119,10 +119,10 @@ impl Default for HandTruth {
     }
 }
 
-/// The truth of an arm.
+/// The parameter set of an arm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct ArmTruth {
+pub(crate) struct ArmParams {
     /// Time from a servo target's arrival until it takes effect, s.
     pub(crate) delay_secs: f64,
     /// How fast the joints close in on a servo target, Hz.
@@ -143,7 +143,7 @@ pub(crate) struct ArmTruth {
     pub(crate) error_period_m: f64,
 }
 
-impl Default for ArmTruth {
+impl Default for ArmParams {
     fn default() -> Self {
         Self {
             delay_secs: 0.01,
@@ -159,11 +159,11 @@ impl Default for ArmTruth {
     }
 }
 
-/// The truth of the keys, in addition to their physical numbers. Each has two contacts: the second is at the physical
+/// The parameter set of the keys, in addition to their physical numbers. Each has two contacts: the second is at the physical
 /// `key.threshold`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct KeysTruth {
+pub(crate) struct KeyParams {
     /// Keys' thresholds lie within so much of `key.threshold`, as a share of it, evenly.
     pub(crate) threshold_spread: f64,
     /// The same of their springs and `key.stiffness`.
@@ -178,7 +178,7 @@ pub(crate) struct KeysTruth {
     pub(crate) softest_secs: f64,
 }
 
-impl Default for KeysTruth {
+impl Default for KeyParams {
     fn default() -> Self {
         Self {
             threshold_spread: 0.0,
@@ -194,7 +194,7 @@ impl Default for KeysTruth {
 /// What happens on the wires, both ways alike.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct LinksTruth {
+pub(crate) struct LinkParams {
     /// The hand's bus.
     pub(crate) can: FaultPlan,
     /// The arm's connections.
@@ -236,7 +236,7 @@ impl Numbers {
     }
 
     /// Whether a twin can have it; links and keyboard are checked where they are made.
-    pub(crate) fn check(&self) -> Result<(), TruthError> {
+    pub(crate) fn check(&self) -> Result<(), TwinParamsError> {
         let params = self.params()?;
         let (hand, arm, keys) = (&self.hand, &self.arm, &self.keys);
         let threshold = params.world(WorldRow::KeyThreshold);
@@ -282,8 +282,8 @@ pub(crate) enum Purpose {
     Threshold = 1,
     Stiffness = 2,
     KinematicError = 3,
-    /// A number of a truth that is drawn.
-    Truth = 4,
+    /// A number of a parameter set that is drawn.
+    TwinParams = 4,
 }
 
 /// A number in −1 … 1 that depends on nothing else than these three (SplitMix64 and its constants).
@@ -303,7 +303,7 @@ mod tests {
     use super::*;
 
     fn spread(seed: u64) -> Numbers {
-        let keys = KeysTruth { threshold_spread: 0.2, stiffness_spread: 0.3, ..KeysTruth::default() };
+        let keys = KeyParams { threshold_spread: 0.2, stiffness_spread: 0.3, ..KeyParams::default() };
         Numbers { seed, keys, ..Numbers::default() }
     }
 

@@ -7,7 +7,7 @@
 use etude_stage::params::JointRow;
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams};
 
-use crate::numbers::{HandTruth, STEP};
+use crate::numbers::{HandParams, STEP};
 
 /// Where a motor is in the play of its joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,9 +26,9 @@ pub(crate) struct Play {
 }
 
 impl Play {
-    pub(crate) fn new(truth: &HandTruth, params: &PhysicalParams) -> Self {
+    pub(crate) fn new(hand: &HandParams, params: &PhysicalParams) -> Self {
         Self {
-            half: truth.play_rad / 2.0,
+            half: hand.play_rad / 2.0,
             armature: std::array::from_fn(|joint| params.joint(JointRow::Armature, joint)),
             places: [Place::Flank(1.0); DRIVEN_JOINTS],
         }
@@ -69,7 +69,7 @@ mod tests {
     fn play(play_rad: f64) -> Play {
         let mut params = PhysicalParams::default();
         params.set("joint.all.armature", 0.001).unwrap();
-        Play::new(&HandTruth { play_rad, ..HandTruth::default() }, &params)
+        Play::new(&HandParams { play_rad, ..HandParams::default() }, &params)
     }
 
     #[test]

@@ -1,22 +1,22 @@
-//! Truths that are drawn: `random:SEED` is a rig somewhere between a careful lab's and a worn one, so that nobody tunes to a few files.
+//! Parameter sets that are drawn: `random:SEED` is a rig somewhere between a careful lab's and a worn one, so that nobody tunes to a few files.
 //!
-//! [`RANGES`] is the one list of what a number may be. The truths `standard` and `worn` lie within it too.
+//! [`RANGES`] is the one list of what a number may be. The parameter sets `standard` and `worn` lie within it too.
 
 use etude_robot::allegro::FULL_SCALE_PWM;
 use etude_stage::params::Slot;
 use etude_stage::{JOINT_NAMES, RAIL};
 use toml::{Table, Value};
 
-use crate::error::TruthError;
+use crate::error::TwinParamsError;
 use crate::numbers::{FINGER, Numbers, Purpose, signed_share};
 
-/// Begins the name of a truth that is drawn.
+/// Begins the name of a parameter set that is drawn.
 pub(crate) const RANDOM: &str = "random:";
 
-/// What one number of a truth may be.
+/// What one number of a parameter set may be.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Range {
-    /// Where it stands in a truth's file, or the path of a physical number; `J` is each finger joint on its own.
+    /// Where it stands in a file of twin parameters, or the path of a physical number; `J` is each finger joint on its own.
     pub(crate) path: &'static str,
     /// Its least and its greatest size.
     pub(crate) sizes: [f64; 2],
@@ -84,17 +84,17 @@ pub(crate) const RANGES: &[Range] = &[
 /// Duty below which a joint at rest does not move, in counts of PWM: what its dry friction follows from.
 const DEAD_BAND: Range = range("joint.J.dead_band", [20.0, 60.0]);
 
-/// The seed in the name of a truth that is drawn; none if it is another name.
+/// The seed in the name of a parameter set that is drawn; none if it is another name.
 ///
 /// # Errors
 /// If it is not a whole number.
-pub(crate) fn seed(name: &str) -> Option<Result<u64, TruthError>> {
+pub(crate) fn seed(name: &str) -> Option<Result<u64, TwinParamsError>> {
     let text = name.strip_prefix(RANDOM)?;
-    Some(text.parse::<u32>().map(u64::from).map_err(|_| TruthError::Seed(name.to_string())))
+    Some(text.parse::<u32>().map(u64::from).map_err(|_| TwinParamsError::Seed(name.to_string())))
 }
 
-/// The truth that belongs to a seed.
-pub(crate) fn draw(seed: u64) -> Result<Numbers, TruthError> {
+/// The parameter set that belongs to a seed.
+pub(crate) fn draw(seed: u64) -> Result<Numbers, TwinParamsError> {
     let mut table = Table::new();
     table.insert("name".to_string(), Value::String(format!("{RANDOM}{seed}")));
     let mut physics = Table::new();
@@ -120,7 +120,7 @@ pub(crate) fn draw(seed: u64) -> Result<Numbers, TruthError> {
     }
     insert(&mut table, "world.gravity", Value::Boolean(true));
     let release =
-        if signed_share(seed, Purpose::Truth, RELEASE) < 0.0 { "note_off" } else { "zero_velocity" };
+        if signed_share(seed, Purpose::TwinParams, RELEASE) < 0.0 { "note_off" } else { "zero_velocity" };
     insert(&mut table, "keyboard.release", Value::String(release.to_string()));
     let dead_bands: Vec<f64> = JOINT_NAMES
         .iter()
@@ -129,7 +129,7 @@ pub(crate) fn draw(seed: u64) -> Result<Numbers, TruthError> {
         .collect();
     table.insert("physics".to_string(), Value::Table(physics));
     let mut numbers: Numbers =
-        table.try_into().map_err(|error: toml::de::Error| TruthError::Text(error.to_string()))?;
+        table.try_into().map_err(|error: toml::de::Error| TwinParamsError::Text(error.to_string()))?;
     numbers.seed = seed;
     for (joint, band) in dead_bands.into_iter().enumerate() {
         let friction = numbers.friction_of(joint, band);
@@ -159,7 +159,7 @@ impl Range {
     /// A number of the range.
     fn at(&self, seed: u64, number: usize) -> f64 {
         let [low, high] = self.sizes;
-        let share = signed_share(seed, Purpose::Truth, number);
+        let share = signed_share(seed, Purpose::TwinParams, number);
         if self.either_sign {
             return (low + (high - low) * share.abs()).copysign(share);
         }
@@ -189,9 +189,9 @@ impl Numbers {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Truth;
+    use crate::TwinParams;
 
-    /// What a truth has in the place of a range.
+    /// What a parameter set has in the place of a range.
     fn sizes(numbers: &Numbers, range: &Range) -> Vec<f64> {
         let params = numbers.params().unwrap();
         if range.path == DEAD_BAND.path {
@@ -216,9 +216,9 @@ mod tests {
     }
 
     #[test]
-    fn the_standard_the_worn_and_every_drawn_truth_lie_within_the_ranges() {
+    fn the_standard_the_worn_and_every_drawn_parameter_set_lie_within_the_ranges() {
         let drawn = (0..50).chain([u32::MAX.into()]).map(|seed| draw(seed).unwrap());
-        let built_in = ["standard", "worn"].map(|name| Truth::load(name).unwrap().numbers);
+        let built_in = ["standard", "worn"].map(|name| TwinParams::load(name).unwrap().numbers);
         for numbers in built_in.into_iter().chain(drawn) {
             assert!(numbers.world.gravity);
             for range in RANGES {
@@ -255,17 +255,17 @@ mod tests {
     }
 
     #[test]
-    fn a_truth_is_drawn_by_name() {
-        let truth = Truth::load("random:7").unwrap();
-        assert_eq!((truth.name(), &truth.numbers), ("random:7", &draw(7).unwrap()));
-        assert_eq!(truth.fingerprint(), Truth::load("random:7").unwrap().fingerprint());
-        assert_ne!(truth.fingerprint(), Truth::load("random:8").unwrap().fingerprint());
-        assert!(Truth::load(&format!("random:{}", u32::MAX)).is_ok());
+    fn a_parameter_set_is_drawn_by_name() {
+        let twin_params = TwinParams::load("random:7").unwrap();
+        assert_eq!((twin_params.name(), &twin_params.numbers), ("random:7", &draw(7).unwrap()));
+        assert_eq!(twin_params.fingerprint(), TwinParams::load("random:7").unwrap().fingerprint());
+        assert_ne!(twin_params.fingerprint(), TwinParams::load("random:8").unwrap().fingerprint());
+        assert!(TwinParams::load(&format!("random:{}", u32::MAX)).is_ok());
         for name in ["random:", "random:x", "random:-1", "random:1.5", "random:4294967296"] {
-            let message = Truth::load(name).unwrap_err().to_string();
+            let message = TwinParams::load(name).unwrap_err().to_string();
             assert!(message.contains(name) && message.contains("random:7"), "{message}");
         }
-        assert!(Truth::load("nowhere").unwrap_err().to_string().contains("random:SEED"));
+        assert!(TwinParams::load("nowhere").unwrap_err().to_string().contains("random:SEED"));
     }
 
     /// The table in the documents is this list.

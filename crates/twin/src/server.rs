@@ -22,7 +22,7 @@ use etude_robot::{Pace as _, propose_fence};
 
 use crate::lockstep::Lockstep;
 use crate::numbers::STEP;
-use crate::truth::Truth;
+use crate::params::TwinParams;
 use crate::twin::{Twin, TwinError, calibration};
 
 /// Name of the rig and of its file.
@@ -75,12 +75,17 @@ impl TwinServer {
     /// Opens the sockets of a twin in `folder` and writes the files by which it is found. `ports` are those of the arm.
     ///
     /// # Errors
-    /// If the truth is not sound, or the folder or a port cannot be used.
-    pub fn open(truth: &Truth, rig: &RigConfig, folder: &Path, ports: ArmPorts) -> Result<Self, ServeError> {
+    /// If the parameter set is not sound, or the folder or a port cannot be used.
+    pub fn open(
+        twin_params: &TwinParams,
+        rig: &RigConfig,
+        folder: &Path,
+        ports: ArmPorts,
+    ) -> Result<Self, ServeError> {
         let file = |path: &Path, message: String| ServeError::File { path: path.to_path_buf(), message };
         std::fs::create_dir_all(folder).map_err(|error| file(folder, error.to_string()))?;
         let folder = folder.canonicalize().map_err(|error| file(folder, error.to_string()))?;
-        let lockstep = Lockstep::new(Twin::new(truth, rig.hand.side)?)?;
+        let lockstep = Lockstep::new(Twin::new(twin_params, rig.hand.side)?)?;
         let (can, midi) = (folder.join("can.sock"), folder.join("midi.sock"));
         let hub = Hub::bind(&can)?;
         let bus = HubTransport::connect(&can)?;
@@ -90,7 +95,7 @@ impl TwinServer {
             .map_err(port_error)?;
         let bound = arm.ports().map_err(port_error)?;
         let rig_path = folder.join(format!("{RIG}.toml"));
-        let mut config = truth.fitting(RigConfig { name: RIG.to_string(), ..rig.clone() });
+        let mut config = twin_params.fitting(RigConfig { name: RIG.to_string(), ..rig.clone() });
         config.wires = WiresConfig {
             can: format!("bus:{}", can.display()),
             arm: format!("127.0.0.1:{}:{}", bound.command, bound.real),

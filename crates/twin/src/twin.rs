@@ -17,19 +17,19 @@ use etude_emulators::{
 use etude_music::KEY_COUNT;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, Point, RailPath, RailPlace};
-use etude_robot::joints::{FINGER_JOINTS, RAIL, to_wire};
+use etude_robot::joints::{HAND_DRIVEN_JOINTS, RAIL, to_wire};
 use etude_robot::setting::SettingError;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_stage::geometry::{HALF_WIDTH, key_lateral};
 use etude_stage::{DRIVEN_JOINTS, Side, StageConfig, StageError, World};
 
 use crate::drives::{Drives, Encoders};
-use crate::error::TruthError;
+use crate::error::TwinParamsError;
 use crate::keys::{KeyEvent, Keys};
 use crate::mount::Mount;
 use crate::numbers::STEP;
+use crate::params::TwinParams;
 use crate::play::Play;
-use crate::truth::Truth;
 
 /// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (lasr-lab/learning-to-play-piano).
 const MIDDLE_MM: [f64; 3] = [485.0, -2.83, 170.51];
@@ -42,9 +42,9 @@ pub const SHOWN_KEYS: [usize; 3] = [0, 24, KEY_COUNT - 1];
 /// A twin could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum TwinError {
-    /// Its truth is not sound.
+    /// Its parameters are not sound.
     #[error(transparent)]
-    Truth(#[from] TruthError),
+    TwinParams(#[from] TwinParamsError),
     /// Its world could not be built.
     #[error(transparent)]
     Stage(#[from] StageError),
@@ -58,7 +58,7 @@ pub enum TwinError {
 
 /// An emulated robot.
 pub struct Twin {
-    pub(crate) truth: Truth,
+    pub(crate) twin_params: TwinParams,
     pub(crate) world: World,
     drives: Drives,
     play: Play,
@@ -76,20 +76,20 @@ pub struct Twin {
 }
 
 impl Twin {
-    /// A twin with this truth: everything switched on, the arm in the paper's home.
+    /// A twin with this parameter set: everything switched on, the arm in the paper's home.
     ///
     /// # Errors
-    /// If the truth is not sound.
-    pub fn new(truth: &Truth, side: HandSide) -> Result<Self, TwinError> {
-        let numbers = &truth.numbers;
-        let params = numbers.params().map_err(TruthError::from)?;
+    /// If the parameter set is not sound.
+    pub fn new(twin_params: &TwinParams, side: HandSide) -> Result<Self, TwinError> {
+        let numbers = &twin_params.numbers;
+        let params = numbers.params().map_err(TwinParamsError::from)?;
         let stage = StageConfig { side: stage_side(side), ..StageConfig::default() };
         let hand = HandEmulatorConfig {
             side,
             noise_counts: numbers.hand.noise_counts,
             clock_skew: numbers.hand.clock_skew,
             torque_timeout_secs: numbers.hand.torque_timeout_secs,
-            seed: truth.run_seed(),
+            seed: twin_params.run_seed(),
             ..HandEmulatorConfig::default()
         };
         let arm = ArmEmulator::new(ArmEmulatorConfig {
@@ -119,7 +119,7 @@ impl Twin {
                 keyboard: KeyboardEmulator::new(&numbers.keyboard)?,
             },
             thumb: FreeHand::default(),
-            truth: truth.clone(),
+            twin_params: twin_params.clone(),
             now: Duration::ZERO,
         };
         // Fingers straight, clear of the keys, as a hand is mounted.
@@ -158,7 +158,7 @@ impl Twin {
         self.rail = rail;
         self.lift = lift(&place);
         let (joints, velocities) = (self.world.joints(), self.world.joint_velocities());
-        let arm = &self.truth.numbers.arm;
+        let arm = &self.twin_params.numbers.arm;
         std::array::from_fn(|joint| {
             if joint == RAIL {
                 arm.stiffness * (rail - joints[RAIL]) + arm.damping * (speed - velocities[RAIL])
@@ -179,14 +179,14 @@ impl Twin {
 
     /// Sets the measured positions of the hand.
     fn show_joints(&mut self) {
-        let thumb: [f64; 4] = std::array::from_fn(|joint| self.thumb.positions()[FINGER_JOINTS + joint]);
+        let thumb: [f64; 4] = std::array::from_fn(|joint| self.thumb.positions()[HAND_DRIVEN_JOINTS + joint]);
         self.devices.hand.set_positions(&to_wire(&self.encoders.read(&self.world.joints()), &thumb));
     }
 
     /// Brings the fingers by hand to these angles, rad, at rest and clear of the keys.
-    pub fn place_fingers(&mut self, fingers: &[f64; FINGER_JOINTS]) {
+    pub fn place_fingers(&mut self, fingers: &[f64; HAND_DRIVEN_JOINTS]) {
         let mut pose = self.world.joints();
-        pose[..FINGER_JOINTS].copy_from_slice(fingers);
+        pose[..HAND_DRIVEN_JOINTS].copy_from_slice(fingers);
         self.world.reset_to(&pose);
         self.show_joints();
     }

@@ -19,7 +19,7 @@ use crate::output::{Ending, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::while_planning;
 
-const DEFAULT_TRUTH: &str = "standard";
+const DEFAULT_TWIN_PARAMS: &str = "standard";
 
 /// What to play, how, and on which robot.
 #[derive(clap::Args)]
@@ -28,7 +28,7 @@ Modes (paper, appendix): in joint-mirroring the policy observes the simulation, 
 joints; hybrid is the same, but the policy observes the robot's keys; in real it observes the robot alone.
 
 The twin is an emulated robot: its devices use the same bytes as the real ones, and a second simulated world that differs \
-from the simulator (--truth) moves them. It runs as fast as it can be computed, and the same seed gives the same recording. \
+from the simulator (--twin-params) moves them. It runs as fast as it can be computed, and the same seed gives the same recording. \
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
 
 A first run, which is not counted, measures how late the notes are. In the other runs the plan leads by that time. There is no such run with \
@@ -59,10 +59,16 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
+<<<<<<< HEAD
     /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
     /// `random:SEED`, or a file
     #[arg(long, default_value = DEFAULT_TRUTH, value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
+=======
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    #[arg(long, default_value = DEFAULT_TWIN_PARAMS, value_name = "NAME|random:SEED|FILE", value_parser = super::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    twin_params: String,
+>>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     /// Inject a fault into the twin, as in `etude twin`; starting and homing take some ten seconds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
     faults: Vec<OrderedFault>,
@@ -95,7 +101,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     // First, so that no request to stop the robot is lost while a policy is loaded.
-    let rig = with_faults(rig_choice(&args.robot, &args.truth)?, &args.faults)?;
+    let rig = with_faults(rig_choice(&args.robot, &args.twin_params)?, &args.faults)?;
     let learned = args.correction.as_deref().map(CorrectionFile::load).transpose()?;
     let pianist = match &learned {
         Some(learned) => learned.pianist(&song, &rig)?,
@@ -164,9 +170,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 fn folder_name(args: &Args, mode: Mode, rig: &RigChoice) -> String {
     let robot = match rig {
         RigChoice::File { .. } => rig.name().to_string(),
-        RigChoice::Twin(_) if args.truth == DEFAULT_TRUTH => String::new(),
+        RigChoice::Twin(_) if args.twin_params == DEFAULT_TWIN_PARAMS => String::new(),
         RigChoice::Twin(_) => {
-            Path::new(&args.truth).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+            Path::new(&args.twin_params).file_stem().unwrap_or_default().to_string_lossy().into_owned()
         }
     };
     let corrected = args.correction.iter().map(|_| "corrected".to_string());
@@ -201,7 +207,7 @@ fn mode(asked: Option<Mode>, learned: Option<&CorrectionFile>) -> anyhow::Result
 /// The same robot with these faults, which only a twin of this process can be ordered to have.
 fn with_faults(rig: RigChoice, faults: &[OrderedFault]) -> anyhow::Result<RigChoice> {
     match rig {
-        RigChoice::Twin(truth) => Ok(RigChoice::Twin(Box::new(truth.with_faults(faults)?))),
+        RigChoice::Twin(twin_params) => Ok(RigChoice::Twin(Box::new(twin_params.with_faults(faults)?))),
         RigChoice::File { .. } if !faults.is_empty() => {
             anyhow::bail!(
                 "--fault is for --robot twin; a twin of another process gets it by `etude twin --fault`"
@@ -226,7 +232,10 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         report.song,
         report.player,
         report.robot,
-        report.truth.as_ref().map_or_else(String::new, |truth| format!(" (truth `{truth}`)")),
+        report
+            .twin_params
+            .as_ref()
+            .map_or_else(String::new, |twin_params| format!(" (twin parameters `{twin_params}`)")),
         report.mode
     ))?;
     if report.only_measuring {

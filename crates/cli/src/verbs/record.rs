@@ -25,20 +25,28 @@ the simulator to recordings of excitations.
 Examples:
   etude record --robot lab.toml --secs 60 -o still.mcap
   etude record --robot lab.toml --home --excitation open-close -o open-close.mcap
-  etude record --robot twin --truth worn --excitation chirp -o chirp.mcap")]
+  etude record --robot twin --twin-params worn --excitation chirp -o chirp.mcap")]
 pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
+<<<<<<< HEAD
     /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
     /// `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// The motion: `open-close`, `chirp`, `rail` or `keys` to fit the simulator, `held-out` to test
     /// a fit
+=======
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    twin_params: String,
+    /// Move the joints so that a simulator can be fitted to them: `open-close`, `chirp`, `rail`, `keys`, or `held-out`
+    /// to try a fit on
+>>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     #[arg(long, value_name = "NAME", conflicts_with = "secs")]
     excitation: Option<Excitation>,
-    /// Added to the seed of the twin's truth
+    /// Added to the seed of the twin parameters
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// First move the robot slowly to the keyboard (a twin always does this). Stand clear
@@ -54,7 +62,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let rig = rig_choice(&args.robot, &args.truth)?;
+    let rig = rig_choice(&args.robot, &args.twin_params)?;
     let stop = stop_flag()?;
     let motion = match (args.excitation, args.secs) {
         (Some(excitation), _) => Motion::Excitation(excitation),

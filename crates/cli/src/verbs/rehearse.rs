@@ -30,10 +30,10 @@ and plays again. If it is stopped, the same command resumes it. With --preset si
 
 Examples:
   etude rehearse c-major-scale --robot twin --rounds 2
-  etude rehearse twinkle --robot twin --truth worn --mode hybrid --rounds 1
+  etude rehearse twinkle --robot twin --twin-params worn --mode hybrid --rounds 1
   etude rehearse my-song.mid --robot lab.toml --rounds 3
   etude rehearse twinkle --simulator out/rehearse-c-major-scale/round-1/identified/identified.toml
-  etude rehearse twinkle --robot twin --truth worn --rounds 0 --adapt 10
+  etude rehearse twinkle --robot twin --twin-params worn --rounds 0 --adapt 10
   etude rehearse twinkle --preset sight-reader --set trainer.total_steps=300000 --rounds 1")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
@@ -42,10 +42,16 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
+<<<<<<< HEAD
     /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
     /// `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
+=======
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    twin_params: String,
+>>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     /// Rounds of identifying, training and performing
     #[arg(long, default_value_t = 2)]
     rounds: usize,
@@ -104,7 +110,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let name = slug(&args.song);
-    let rig = rig_choice(&args.robot, &args.truth)?;
+    let rig = rig_choice(&args.robot, &args.twin_params)?;
     let mut overrides = vec![format!("trainer.seed={}", args.seed)];
     overrides.extend(args.overrides);
     let has_corpus =
@@ -114,8 +120,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let config = RehearsalConfig {
         song: args.song,
         rig: rig.name().to_string(),
-        truth: match &rig {
-            RigChoice::Twin(_) => Some(args.truth),
+        twin_params: match &rig {
+            RigChoice::Twin(_) => Some(args.twin_params),
             RigChoice::File { .. } => None,
         },
         rounds: args.rounds,
@@ -184,8 +190,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         if adapted.is_none() && best.round + 1 < rounds.len() {
             line(format!("Round {} played best, not the last one: use its policy", best.round))?;
         }
-        let truth =
-            config.truth.as_ref().map_or_else(String::new, |truth| format!(" --truth {}", shell_word(truth)));
+        let twin_params = config
+            .twin_params
+            .as_ref()
+            .map_or_else(String::new, |twin_params| format!(" --twin-params {}", shell_word(twin_params)));
         let how = match &adapted {
             Some(adapted) => {
                 format!("--correction {}", shell_word(adapted.correction.display()))
@@ -198,7 +206,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             ),
         };
         line(format!(
-            "Play again with:  etude perform {} --robot {}{truth} {how}",
+            "Play again with:  etude perform {} --robot {}{twin_params} {how}",
             shell_word(&config.song),
             shell_word(&args.robot)
         ))?;

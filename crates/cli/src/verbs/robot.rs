@@ -17,7 +17,7 @@ use etude_perform::session::{
     Claim, Guard, Session, TWIN, claim, pitches_to_show, ready, request_stop, rig_choice, run_guard,
     start_guard, start_pose, store_point, try_path,
 };
-use etude_robot::lead::{LeadError, Showing, show};
+use etude_robot::hand_guiding::{Guiding, HandGuidingError, read_pose};
 use etude_robot::monitor::Monitor;
 use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig::RigConfig;
@@ -173,8 +173,13 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     // `etude doctor` reports where this is not permitted.
     let _priority = Priority::of_this_thread(Rank::Controller).ok();
     let mut operator = Operator { guard, claim, entered: enter(), interrupt: stop_flag()? };
+<<<<<<< HEAD
     let shown = show(&rig, args.by_hand, &mut operator)?;
     // The arm has confirmed that it is at rest.
+=======
+    let shown = read_pose(&rig, args.by_hand, &mut operator)?;
+    // The arm has confirmed that it stands still.
+>>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     operator.guard.farewell();
     if operator.interrupt.load(Ordering::Relaxed) {
         return Ok(Ending::Stopped);
@@ -199,15 +204,15 @@ struct Operator {
     interrupt: Arc<AtomicBool>,
 }
 
-impl Showing for Operator {
-    fn beat(&mut self) -> Result<(), LeadError> {
+impl Guiding for Operator {
+    fn heartbeat(&mut self) -> Result<(), HandGuidingError> {
         if self.claim.is_stop_requested() {
-            return Err(LeadError::Stopped);
+            return Err(HandGuidingError::Stopped);
         }
-        if self.guard.beat() { Ok(()) } else { Err(LeadError::Unguarded) }
+        if self.guard.beat() { Ok(()) } else { Err(HandGuidingError::Unguarded) }
     }
 
-    fn is_led(&mut self) -> bool {
+    fn is_guiding(&mut self) -> bool {
         matches!(self.entered.try_recv(), Err(TryRecvError::Empty)) && !self.interrupt.load(Ordering::Relaxed)
     }
 }

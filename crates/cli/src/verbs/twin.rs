@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use etude_perform::shell_word;
 use etude_robot::rig::RigConfig;
-use etude_twin::{ArmPorts, OrderedFault, Truth, TwinServer};
+use etude_twin::{ArmPorts, OrderedFault, TwinParams, TwinServer};
 use serde_json::json;
 
 use crate::args;
@@ -19,7 +19,7 @@ The folder has twin.toml (the rig's file for --robot), its calibration, and the 
 and of the keyboard. The arm listens on this machine only; with --arm-ports on the robot's own ports, so \
 that the official SDK finds it at 127.0.0.1 (port 502 needs root). The twin runs until Ctrl-C.
 
-Faults happen SECS after the twin was switched on, and last for the seconds after the + or without an end. A truth's file \
+Faults happen SECS after the twin was switched on, and last for the seconds after the + or without an end. A file of twin parameters \
 lists them as [[faults]], with kind, at_secs and for_secs.
 
 Examples:
@@ -28,10 +28,16 @@ Examples:
   etude perform twinkle --robot out/twin/twin.toml --home
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
+<<<<<<< HEAD
     /// Its truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
     /// `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
+=======
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    twin_params: String,
+>>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     /// Inject a fault; may be repeated. An unknown KIND lists all kinds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
     faults: Vec<OrderedFault>,
@@ -48,16 +54,16 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let truth = Truth::load(&args.truth)?.with_faults(&args.faults)?;
+    let twin_params = TwinParams::load(&args.twin_params)?.with_faults(&args.faults)?;
     let ports = if args.arm_ports { ArmPorts::default() } else { ArmPorts::FREE };
-    let mut server = TwinServer::open(&truth, &RigConfig::default(), &args.out, ports)?;
+    let mut server = TwinServer::open(&twin_params, &RigConfig::default(), &args.out, ports)?;
     let stop = stop_flag()?;
     // The twin also runs if standard output is closed.
     let _ = if args.json {
         line(json!({ "rig": server.rig() }))
     } else {
         let rig = shell_word(server.rig().display());
-        line(format!("The twin `{}` is ready: --robot {rig}\nCtrl-C ends it", truth.name()))
+        line(format!("The twin `{}` is ready: --robot {rig}\nCtrl-C ends it", twin_params.name()))
     };
     server.serve(&stop)?;
     if !server.lost().is_zero() {

@@ -127,7 +127,7 @@ fn ctrl_c_has_one_code_in_every_long_command() {
         "gallery takes -o gallery",
         "train ode-to-joy -o run",
         "experiment run songs --runs trials",
-        "robot check --robot twin --wiggle",
+        "robot check --robot twin --joints",
         "twin -o served",
     ];
     if crate::rendering::draws(&sandbox) {

@@ -87,6 +87,7 @@ fn files_that_a_command_has_not_written_are_not_replaced() {
         "record --robot twin --excitation rail -o rail.mcap",
         &["rail.mcap", "exists", "choose another name"],
     );
+<<<<<<< HEAD
     assert_eq!(sandbox.bytes("rail.mcap"), b"mine");
     std::fs::remove_file(sandbox.path("rail.mcap")).unwrap();
     sandbox.ok("record --robot twin --excitation rail -o rail.mcap");
@@ -94,7 +95,17 @@ fn files_that_a_command_has_not_written_are_not_replaced() {
     std::fs::write(sandbox.path("fit/identification.json"), r#"{"rig": "kitchen"}"#).unwrap();
     refused(&sandbox, "identify rail.mcap -o fit", &["another rig, `kitchen`", "are of `twin (standard)`"]);
     // A twin with another truth is another rig.
-    sandbox.ok("record --robot twin --truth mild --excitation chirp -o chirp.mcap");
+    sandbox.ok("record --robot twin --twin-params mild --excitation chirp -o chirp.mcap");
+=======
+    assert_eq!(desk.bytes("rail.mcap"), b"mine");
+    std::fs::remove_file(desk.path("rail.mcap")).unwrap();
+    desk.ok("record --robot twin --excitation rail -o rail.mcap");
+    std::fs::create_dir(desk.path("fit")).unwrap();
+    std::fs::write(desk.path("fit/identification.json"), r#"{"rig": "kitchen"}"#).unwrap();
+    refused(&desk, "identify rail.mcap -o fit", &["another rig, `kitchen`", "are of `twin (standard)`"]);
+    // A twin with another parameter set is another rig.
+    desk.ok("record --robot twin --twin-params mild --excitation chirp -o chirp.mcap");
+>>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     let both = &["chirp.mcap: it was made on the rig `twin (mild)`, and rail.mcap on `twin (standard)`"];
     refused(&sandbox, "identify rail.mcap chirp.mcap -o other", both);
 }
@@ -353,9 +364,12 @@ fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
         ("songs twinkle", &["did you mean `etude songs show twinkle`?"]),
         ("twinkle", &["`etude train twinkle`", "`etude play twinkle`"]),
         ("experiment songs", &["`etude experiment run songs`"]),
-        ("play twinkle --truth worn", &["--truth", "is an option of `etude perform`", "`etude twin`"]),
-        ("doctor --wiggle", &["is an option of `etude robot check`"]),
-        ("doctor --wigle", &["did you mean `--wiggle`, an option of `etude robot check`?"]),
+        (
+            "play twinkle --twin-params worn",
+            &["--twin-params", "is an option of `etude perform`", "`etude twin`"],
+        ),
+        ("doctor --joints", &["is an option of `etude robot check`"]),
+        ("doctor --joint", &["did you mean `--joints`, an option of `etude robot check`?"]),
         ("play twinkle --polic x", &["--policy"]),
         ("train twinkle --preset fsat", &["'fsat'", "similar value exists: 'fast'"]),
         ("rehearse twinkle --preset fsat", &["similar value exists: 'fast'"]),

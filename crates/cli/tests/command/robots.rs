@@ -17,7 +17,7 @@ fn every_mode_plays_on_the_twin() {
         assert!((f1("gap") - (1.0 - f1("robot_f1") / f1("sim_f1"))).abs() < 1e-12);
         assert!(f1("robot_f1") > 0.5 && f1("sim_f1") > 0.8, "{mode}: {report}");
         assert_eq!(
-            (&report["mode"], &report["robot"], &report["truth"]),
+            (&report["mode"], &report["robot"], &report["twin_params"]),
             (&mode.into(), &"twin".into(), &"standard".into())
         );
         let run = &report["runs"][0];
@@ -37,8 +37,8 @@ fn each_robot_has_a_folder_of_its_own() {
     let sandbox = Sandbox::new();
     for (args, folder) in [
         ("", "short-scripted-real"),
-        ("--truth worn", "short-scripted-real-worn"),
-        ("--truth random:7", "short-scripted-real-random-7"),
+        ("--twin-params worn", "short-scripted-real-worn"),
+        ("--twin-params random:7", "short-scripted-real-random-7"),
         ("--fault joint-dead=5@30", "short-scripted-real-joint-dead-5-30"),
         ("--mode hybrid", "short-scripted-hybrid"),
     ] {
@@ -110,11 +110,11 @@ fn mistakes_are_told_before_anything_moves() {
         ("perform short.mid --scripted --robot lab.toml", "etude robot calibrate"),
         ("perform short.mid --scripted --robot old.toml", "days old"),
         ("perform short.mid --scripted --mode blind", "joint-mirroring, hybrid, real"),
-        ("perform short.mid --scripted --truth no.toml", "random:SEED"),
-        ("perform short.mid --scripted --truth random:seven", "whole number"),
-        ("rehearse short.mid --robot twin --truth random:-7", "whole number"),
-        ("record --robot twin --truth random: -o r.mcap", "whole number"),
-        ("twin --truth random:1.5", "whole number"),
+        ("perform short.mid --scripted --twin-params no.toml", "random:SEED"),
+        ("perform short.mid --scripted --twin-params random:seven", "whole number"),
+        ("rehearse short.mid --robot twin --twin-params random:-7", "whole number"),
+        ("record --robot twin --twin-params random: -o r.mcap", "whole number"),
+        ("twin --twin-params random:1.5", "whole number"),
         ("perform short.mid --scripted --fault fire@1", "can-bus-off, can-silent"),
         ("perform short.mid --scripted --robot fenced.toml", "fence_mm (highest x)"),
         ("twin --fault estop", "KIND[=VALUE]@SECS[+SECS]"),

@@ -27,7 +27,7 @@ impl Served {
 
     pub fn with_fault(sandbox: &Sandbox, fault: Option<&str>) -> Self {
         let fault = fault.map_or_else(String::new, |fault| format!(" --fault {fault}"));
-        Self::of(sandbox, &format!("twin -o twin --truth mild{fault}"))
+        Self::of(sandbox, &format!("twin -o twin --twin-params mild{fault}"))
     }
 
     /// What `etude` with `args` serves.

@@ -118,8 +118,8 @@ fn bash_completes_verbs_options_names_and_files() {
         (&["etude", "train", "twinkle", "--preset", "app"], &["appendix", "appendix-fast"]),
         (&["etude", "train", "--mi"], &["--minutes"]),
         (&["etude", "experiment", "run", "fen"], &["fences"]),
-        (&["etude", "perform", "twinkle", "--truth", "w"], &["worn"]),
-        (&["etude", "perform", "twinkle", "--truth", "ra"], &["random:"]),
+        (&["etude", "perform", "twinkle", "--twin-params", "w"], &["worn"]),
+        (&["etude", "perform", "twinkle", "--twin-params", "ra"], &["random:"]),
         (&["etude", "train", "twinkle", "--config", "etu"], &["etude.bash"]),
         // Nothing of our own: bash then completes files.
         (&["etude", "play", "sho"], &[]),

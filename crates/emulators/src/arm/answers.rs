@@ -1,12 +1,13 @@
 //! The effect of each register of the emulated controller, and its reply (ufactory_docs, registers).
 
+use super::emulator::{ALL, ArmEmulator};
 use super::motion::MAX_SPEED;
-use super::{ALL, ArmEmulator, Condition, ConnectionId, Planned, Receipt};
+use super::state::{Condition, ConnectionId, Planned, Receipt};
 use etude_robot::xarm::Fence;
 use etude_robot::xarm::codec::{
     Frame, PROTOCOL_KEEP_ALIVE, PROTOCOL_PRIVATE, Register, ReplyState, floats, push_floats,
 };
-use etude_robot::xarm::kinematics::{JOINTS, WIDEST_LIMITS_RAD};
+use etude_robot::xarm::kinematics::{ARM_JOINTS, WIDEST_LIMITS_RAD};
 
 /// Rounding of a limit to a 32-bit float.
 const ROUNDING: f64 = 1e-6;
@@ -177,11 +178,11 @@ impl ArmEmulator {
             }
             Register::TcpPose => push_floats(&mut reply, &self.tool().to_wire()),
             Register::JointPosition => {
-                let mut values = [0.0; 3 * JOINTS];
+                let mut values = [0.0; 3 * ARM_JOINTS];
                 let now = self.joints().into_iter().chain(self.motion.speeds());
                 values.iter_mut().zip(now).for_each(|(to, from)| *to = from as f32);
                 let sets = usize::from(byte(0).unwrap_or(1) & 3).max(1);
-                push_floats(&mut reply, &values[..sets * JOINTS]);
+                push_floats(&mut reply, &values[..sets * ARM_JOINTS]);
             }
             Register::FeedbackType => {
                 let mask = byte(0)?;
@@ -261,7 +262,7 @@ impl ArmEmulator {
     }
 
     /// Whether a joint is beyond its limits or, in reduced mode, the range that was set.
-    pub(super) fn outside(&self, joints: &[f64; JOINTS]) -> bool {
+    pub(super) fn outside(&self, joints: &[f64; ARM_JOINTS]) -> bool {
         let out = |(angle, [low, high]): (&f64, &[f32; 2])| {
             !(f64::from(*low) - ROUNDING..=f64::from(*high) + ROUNDING).contains(angle)
         };
@@ -282,7 +283,7 @@ impl ArmEmulator {
         }
     }
 
-    pub(super) fn servo(&mut self, target: [f64; JOINTS]) -> Answer {
+    pub(super) fn servo(&mut self, target: [f64; ARM_JOINTS]) -> Answer {
         if !self.moves_in(1) {
             return Answer::Idle(Vec::new());
         }
@@ -302,7 +303,7 @@ impl ArmEmulator {
     /// A move of the joints (rad/s, rad/s²); `check` only tells whether it can be done.
     pub(super) fn plan(
         &mut self,
-        to: [f64; JOINTS],
+        to: [f64; ARM_JOINTS],
         speed: f64,
         acceleration: f64,
         check: bool,
@@ -336,12 +337,12 @@ impl ArmEmulator {
     }
 }
 
-fn joints(params: &[u8]) -> Option<[f64; JOINTS]> {
-    Some(floats::<JOINTS>(params)?.map(f64::from))
+fn joints(params: &[u8]) -> Option<[f64; ARM_JOINTS]> {
+    Some(floats::<ARM_JOINTS>(params)?.map(f64::from))
 }
 
 /// Whether a joint is beyond its limits, or not a number.
-pub(super) fn beyond(joints: &[f64; JOINTS]) -> bool {
+pub(super) fn beyond(joints: &[f64; ARM_JOINTS]) -> bool {
     let inside = |(angle, (lowest, highest)): (&f64, (f64, f64))| {
         (lowest - ROUNDING..=highest + ROUNDING).contains(angle)
     };

@@ -5,7 +5,7 @@
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 
-use etude_robot::xarm::kinematics::JOINTS;
+use etude_robot::xarm::kinematics::ARM_JOINTS;
 
 /// Length of a step, s.
 const STEP_SECS: f64 = 1e-3;
@@ -16,7 +16,7 @@ const MAX_ACCELERATION: f64 = 1145.0 * PI / 180.0;
 /// Targets that are on their way at most: a second of them.
 const MAX_TARGETS: usize = 256;
 
-type Joints = [f64; JOINTS];
+type Joints = [f64; ARM_JOINTS];
 
 /// The joints and what moves them.
 #[derive(Debug)]
@@ -60,7 +60,7 @@ struct Plan {
 impl Motion {
     pub(super) fn new(joints: Joints, bandwidth_hz: f64, damping_ratio: Option<f64>) -> Self {
         let bandwidth = bandwidth_hz * 2.0 * PI;
-        let (speeds, coming) = ([0.0; JOINTS], VecDeque::new());
+        let (speeds, coming) = ([0.0; ARM_JOINTS], VecDeque::new());
         Self { joints, speeds, drive: Drive::Hold, coming, bandwidth, damping_ratio, stuck: false }
     }
 
@@ -70,9 +70,9 @@ impl Motion {
             Drive::Hold => false,
             Drive::Follow(target) => self.joints != target,
             Drive::Brake | Drive::Plan(_) | Drive::Seek(..) => true,
-            Drive::Turn(speeds) => speeds != [0.0; JOINTS],
+            Drive::Turn(speeds) => speeds != [0.0; ARM_JOINTS],
         };
-        due || !self.coming.is_empty() || self.speeds != [0.0; JOINTS]
+        due || !self.coming.is_empty() || self.speeds != [0.0; ARM_JOINTS]
     }
 
     /// Whether a planned move is under way.
@@ -125,12 +125,12 @@ impl Motion {
     /// Drops every target and comes to a stop.
     pub(super) fn brake(&mut self) {
         self.coming.clear();
-        self.drive = if self.speeds == [0.0; JOINTS] { Drive::Hold } else { Drive::Brake };
+        self.drive = if self.speeds == [0.0; ARM_JOINTS] { Drive::Hold } else { Drive::Brake };
     }
 
     /// Moves the arm by hand to these joints.
     pub(super) fn place(&mut self, joints: Joints) {
-        (self.joints, self.speeds, self.drive) = (joints, [0.0; JOINTS], Drive::Hold);
+        (self.joints, self.speeds, self.drive) = (joints, [0.0; ARM_JOINTS], Drive::Hold);
         self.coming.clear();
     }
 
@@ -142,7 +142,7 @@ impl Motion {
             }
         }
         if self.stuck {
-            self.speeds = [0.0; JOINTS];
+            self.speeds = [0.0; ARM_JOINTS];
             return;
         }
         let before = self.joints;
@@ -156,7 +156,7 @@ impl Motion {
             }
             Drive::Follow(target) => {
                 let target = *target;
-                for joint in 0..JOINTS {
+                for joint in 0..ARM_JOINTS {
                     let apart = target[joint] - before[joint];
                     // As fast as allowed, but so that it can still stop at the target.
                     let stoppable = (2.0 * MAX_ACCELERATION * apart.abs()).sqrt().min(MAX_SPEED);
@@ -181,7 +181,7 @@ impl Motion {
             Drive::Seek(target, most, acceleration) => {
                 let (target, acceleration) = (*target, *acceleration);
                 let most = if paused { 0.0 } else { *most };
-                for joint in 0..JOINTS {
+                for joint in 0..ARM_JOINTS {
                     let apart = target[joint] - before[joint];
                     // Slower near the target than the acceleration would allow, so that it does not pass it.
                     let wanted = (self.bandwidth * apart.abs())
@@ -199,17 +199,17 @@ impl Motion {
                 return;
             }
             Drive::Turn(speeds) => {
-                let speeds = if paused { [0.0; JOINTS] } else { *speeds };
+                let speeds = if paused { [0.0; ARM_JOINTS] } else { *speeds };
                 for (joint, speed) in speeds.into_iter().enumerate() {
                     self.turn(joint, speed, MAX_ACCELERATION);
                 }
                 return;
             }
             Drive::Brake => {
-                for joint in 0..JOINTS {
+                for joint in 0..ARM_JOINTS {
                     self.turn(joint, 0.0, MAX_ACCELERATION);
                 }
-                if self.speeds == [0.0; JOINTS] {
+                if self.speeds == [0.0; ARM_JOINTS] {
                     self.drive = Drive::Hold;
                 }
                 return;
@@ -252,7 +252,7 @@ mod tests {
 
     #[test]
     fn a_planned_move_arrives_in_the_time_of_its_trapezoid() {
-        let mut motion = Motion::new([0.0; JOINTS], 8.0, None);
+        let mut motion = Motion::new([0.0; ARM_JOINTS], 8.0, None);
         let to = [1.0, -0.5, 0.0, 0.3, 0.0, 0.0, 0.2];
         motion.plan(to, 0.5, 2.0);
         let steps = (1..10_000).find(|&step| {
@@ -267,32 +267,32 @@ mod tests {
 
     #[test]
     fn it_holds_at_the_last_target() {
-        let mut motion = Motion::new([0.0; JOINTS], 8.0, None);
-        motion.follow(20, [0.3; JOINTS]);
+        let mut motion = Motion::new([0.0; ARM_JOINTS], 8.0, None);
+        motion.follow(20, [0.3; ARM_JOINTS]);
         (0..20).for_each(|step| motion.step(step, false));
-        assert_eq!(motion.joints, [0.0; JOINTS]);
+        assert_eq!(motion.joints, [0.0; ARM_JOINTS]);
         (20..3000).for_each(|step| motion.step(step, false));
-        assert_eq!((motion.joints, motion.moving()), ([0.3; JOINTS], false));
+        assert_eq!((motion.joints, motion.moving()), ([0.3; ARM_JOINTS], false));
     }
 
     /// A small step, and a steady ramp: the textbook's overshoot and lag of a system of second order.
     #[test]
     fn an_arm_with_a_damping_ratio_overshoots_and_lags_as_its_numbers_say() {
         for (hertz, ratio) in [(5.0, 0.5), (8.0, 0.7), (4.0, 0.8)] {
-            let mut motion = Motion::new([0.0; JOINTS], hertz, Some(ratio));
-            motion.follow(0, [1e-3; JOINTS]);
+            let mut motion = Motion::new([0.0; ARM_JOINTS], hertz, Some(ratio));
+            motion.follow(0, [1e-3; ARM_JOINTS]);
             let farthest = (0..1000).fold(0.0_f64, |most, step| {
                 motion.step(step, false);
                 most.max(motion.joints[3])
             });
             let overshoot = (-ratio * PI / (1.0 - ratio * ratio).sqrt()).exp();
             assert!((farthest / 1e-3 - 1.0 - overshoot).abs() < 0.02, "{hertz} Hz, {ratio}: {farthest}");
-            assert_eq!(motion.joints, [1e-3; JOINTS], "it comes to rest");
+            assert_eq!(motion.joints, [1e-3; ARM_JOINTS], "it comes to rest");
 
-            let mut motion = Motion::new([0.0; JOINTS], hertz, Some(ratio));
+            let mut motion = Motion::new([0.0; ARM_JOINTS], hertz, Some(ratio));
             let speed = 0.4;
             for step in 0..1500 {
-                motion.follow(step, [speed * step as f64 * STEP_SECS; JOINTS]);
+                motion.follow(step, [speed * step as f64 * STEP_SECS; ARM_JOINTS]);
                 motion.step(step, false);
             }
             let lag = (speed * 1499.0 * STEP_SECS - motion.joints[0]) / speed;
@@ -308,17 +308,17 @@ mod tests {
             stop_after in 1..2000_u64,
             ratio in prop::option::of(0.3..1.5),
         ) {
-            let mut motion = Motion::new([0.0; JOINTS], 8.0, ratio);
+            let mut motion = Motion::new([0.0; ARM_JOINTS], 8.0, ratio);
             for (index, target) in targets.iter().enumerate() {
                 motion.follow(index as u64 * 50, *target);
             }
-            let (mut before, mut speeds) = (motion.joints, [0.0; JOINTS]);
+            let (mut before, mut speeds) = (motion.joints, [0.0; ARM_JOINTS]);
             for step in 0..3000 {
                 if step == stop_after {
                     motion.brake();
                 }
                 motion.step(step, false);
-                for joint in 0..JOINTS {
+                for joint in 0..ARM_JOINTS {
                     let speed = (motion.joints[joint] - before[joint]) / STEP_SECS;
                     prop_assert!(speed.abs() <= MAX_SPEED + 1e-9);
                     let change = (speed - speeds[joint]).abs() / STEP_SECS;

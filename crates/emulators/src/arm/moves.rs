@@ -4,13 +4,14 @@
 //! Approximations: a straight line or a circle of the tool is a straight line in joint space to each of its ends, in about the
 //! time that the line takes. Moves never blend. In modes 6 and 7 each joint turns to its newest target on its own.
 
-use etude_robot::xarm::kinematics::{self, JOINTS, KinematicsError, Pose, jacobian, logarithm};
+use etude_robot::xarm::kinematics::{self, ARM_JOINTS, KinematicsError, Pose, jacobian, logarithm};
 use nalgebra::{Matrix6, Rotation3, SVector, Vector3, Vector6};
 
 use super::answers::{Answer, beyond};
+use super::emulator::ArmEmulator;
 use super::motion::MAX_SPEED;
-use super::settings::numbers;
-use super::{ArmEmulator, Condition, Planned, Receipt};
+use super::setting_registers::numbers;
+use super::state::{Condition, Planned, Receipt, Steering, Velocity};
 
 /// Acceleration of moves of the tool and of pauses, rad/s²; the tool's own acceleration is not looked at.
 const ACCELERATION: f64 = 20.0;
@@ -18,22 +19,6 @@ const ACCELERATION: f64 = 20.0;
 const DAMPING: f64 = 1e-4;
 /// Longest pause of a pause order, s.
 const MAX_PAUSE_SECS: f64 = 600.0;
-
-/// Velocities that a client has asked for in mode 4 or 5.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Steering {
-    wanted: Velocity,
-    /// Millisecond of the clock at which they end by themselves.
-    until: Option<u64>,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Velocity {
-    /// rad/s
-    Joints([f64; JOINTS]),
-    /// Of the tool, m/s and rad/s, in the frame of the base or its own.
-    Tool { linear: Vector3<f64>, angular: Vector3<f64>, own_frame: bool },
-}
 
 /// How the numbers of a pose are meant.
 #[derive(Clone, Copy, Debug, Default)]
@@ -72,11 +57,11 @@ impl ArmEmulator {
             }
             // A joint move with a radius.
             24 => {
-                let to: [f32; JOINTS] = numbers(params)?;
+                let to: [f32; ARM_JOINTS] = numbers(params)?;
                 let answer = self.plan(to.map(f64::from), float(7)?, float(8)?, flag(40), receipt);
                 Some(answer)
             }
-            25 => Some(self.plan([0.0; JOINTS], float(0)?, float(1)?, flag(12), receipt)),
+            25 => Some(self.plan([0.0; ARM_JOINTS], float(0)?, float(1)?, flag(12), receipt)),
             26 => Some(self.pause(float(0)?, receipt)),
             27 => {
                 let common = params.len() >= 67;
@@ -108,7 +93,7 @@ impl ArmEmulator {
                 }
             }
             81 => {
-                let speeds: [f32; JOINTS] = numbers(params)?;
+                let speeds: [f32; ARM_JOINTS] = numbers(params)?;
                 self.steer(4, Velocity::Joints(speeds.map(f64::from)), params.get(29..))
             }
             82 => {
@@ -121,7 +106,7 @@ impl ArmEmulator {
             83 => {
                 let (speed, check) = (float(7)?, flag(46));
                 if flag(44) {
-                    let by: [f32; JOINTS] = numbers(params)?;
+                    let by: [f32; ARM_JOINTS] = numbers(params)?;
                     let end = self.end();
                     let to = std::array::from_fn(|joint| end[joint] + f64::from(by[joint]));
                     return Some(self.plan(to, speed, float(8)?, check, receipt));
@@ -153,7 +138,7 @@ impl ArmEmulator {
                 let to = Pose::from_wire(numbers(params)?);
                 // A reference in place of the joints as they are.
                 let near = match params.get(25..) {
-                    Some(near) if !near.is_empty() => numbers::<JOINTS>(near)?.map(f64::from),
+                    Some(near) if !near.is_empty() => numbers::<ARM_JOINTS>(near)?.map(f64::from),
                     _ => self.motion.joints,
                 };
                 let Ok(joints) = self.joints_for(&to, &near) else {
@@ -163,10 +148,10 @@ impl ArmEmulator {
                 floats(&joints.map(|angle| angle as f32));
             }
             44 => {
-                let joints: [f32; JOINTS] = numbers(params)?;
+                let joints: [f32; ARM_JOINTS] = numbers(params)?;
                 floats(&self.tool_with(joints.map(f64::from)).to_wire());
             }
-            45 => reply.push(beyond(&numbers::<JOINTS>(params)?.map(f64::from)).into()),
+            45 => reply.push(beyond(&numbers::<ARM_JOINTS>(params)?.map(f64::from)).into()),
             46 => {
                 let to = Pose::from_wire(numbers(params)?);
                 reply.push(self.joints_for(&to, &self.motion.joints).is_err().into());
@@ -184,7 +169,7 @@ impl ArmEmulator {
     }
 
     /// The pose of the tool for joints: the flange with the offset that was set, from a base with the offset that was set.
-    pub(super) fn tool_with(&self, joints: [f64; JOINTS]) -> Pose {
+    pub(super) fn tool_with(&self, joints: [f64; ARM_JOINTS]) -> Pose {
         let flange = kinematics::forward(&joints);
         compose(&compose(&self.world(), &flange), &self.offset())
     }
@@ -198,12 +183,12 @@ impl ArmEmulator {
     }
 
     /// Where the arm will be when all that waits is done.
-    fn end(&self) -> [f64; JOINTS] {
+    fn end(&self) -> [f64; ARM_JOINTS] {
         self.queue.back().map_or_else(|| self.motion.aim(), |planned| planned.to)
     }
 
     /// The pose of the tool that numbers mean, for joints from which relative ones count.
-    fn meant(&self, values: [f32; 6], meaning: Meaning, from: [f64; JOINTS]) -> Pose {
+    fn meant(&self, values: [f32; 6], meaning: Meaning, from: [f64; ARM_JOINTS]) -> Pose {
         let start = self.tool_with(from);
         let given = absolute(values, meaning.axis_angle);
         if meaning.tool {
@@ -222,7 +207,11 @@ impl ArmEmulator {
     }
 
     /// The joints near others that bring the tool to a pose.
-    fn joints_for(&self, tool: &Pose, near: &[f64; JOINTS]) -> Result<[f64; JOINTS], KinematicsError> {
+    fn joints_for(
+        &self,
+        tool: &Pose,
+        near: &[f64; ARM_JOINTS],
+    ) -> Result<[f64; ARM_JOINTS], KinematicsError> {
         let flange = compose(&compose(&inverted(&self.world()), tool), &inverted(&self.offset()));
         kinematics::inverse(&flange, near)
     }
@@ -301,7 +290,7 @@ impl ArmEmulator {
         let mut speeds = match wanted {
             _ if until.is_some_and(|until| self.clock >= until) => {
                 self.steering = None;
-                [0.0; JOINTS]
+                [0.0; ARM_JOINTS]
             }
             Velocity::Joints(speeds) => speeds,
             Velocity::Tool { linear, angular, own_frame } => self.joint_speeds(linear, angular, own_frame),
@@ -315,7 +304,12 @@ impl ArmEmulator {
         }
     }
 
-    fn joint_speeds(&self, linear: Vector3<f64>, angular: Vector3<f64>, own_frame: bool) -> [f64; JOINTS] {
+    fn joint_speeds(
+        &self,
+        linear: Vector3<f64>,
+        angular: Vector3<f64>,
+        own_frame: bool,
+    ) -> [f64; ARM_JOINTS] {
         let (joints, world) = (&self.motion.joints, self.world());
         let flange = kinematics::forward(joints);
         let lever = flange.rotation * self.offset().position_m;
@@ -326,7 +320,7 @@ impl ArmEmulator {
         let twist = Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z);
         let jacobian = jacobian(joints);
         let damped = jacobian * jacobian.transpose() + Matrix6::identity() * DAMPING;
-        let speeds: SVector<f64, JOINTS> = damped
+        let speeds: SVector<f64, ARM_JOINTS> = damped
             .cholesky()
             .map_or_else(SVector::zeros, |factors| jacobian.transpose() * factors.solve(&twist));
         speeds.into()

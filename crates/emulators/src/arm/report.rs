@@ -1,79 +1,15 @@
-//! The reports of the emulated controller (ufactory_docs): what its settings are, and the bytes of a report.
+//! The reports of the emulated controller (ufactory_docs): their bytes.
 
 use etude_robot::xarm::codec::push_floats;
-use etude_robot::xarm::kinematics::{JOINTS, jacobian, logarithm};
+use etude_robot::xarm::kinematics::{ARM_JOINTS, jacobian, logarithm};
 use nalgebra::SVector;
 
-use super::ArmEmulator;
-use super::inputs::{CURRENTS_A, TEMPERATURES_C, VOLTS};
+use super::emulator::ArmEmulator;
+use super::lines::{CURRENTS_A, TEMPERATURES_C, VOLTS};
+use super::state::ReportKind;
 
 /// Reports of each kind that wait to be taken at most, in bytes.
 const MAX_WAITING: usize = 1 << 14;
-
-/// Which of the report ports.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ReportKind {
-    /// Port 30003: state, joints, pose and torque at 100 Hz.
-    Real,
-    /// Port 30001: the same with brakes, errors and payload, at 5 Hz.
-    Normal,
-    /// Port 30002: the same with limits, servos, inputs and all other settings, at 5 Hz.
-    Rich,
-    /// Port 30000: targets, joints, speeds, currents and pose at 250 Hz, with the time at the controller.
-    Control,
-}
-
-impl ReportKind {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Real, Self::Normal, Self::Rich, Self::Control];
-
-    /// Its TCP port, its bytes, and the time from one to the next, ms.
-    pub(super) fn numbers(self) -> (u16, usize, u64) {
-        match self {
-            Self::Real => (30003, 87, 10),
-            Self::Normal => (30001, 145, 200),
-            Self::Rich => (30002, 587, 200),
-            Self::Control => (30000, 784, 4),
-        }
-    }
-}
-
-/// What clients set, and what the slow reports tell of it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Settings {
-    /// Bit i: joint i + 1 is enabled, and its brake released.
-    pub enabled: u8,
-    /// Controller error and warning, 0 for none.
-    pub error: u8,
-    pub warning: u8,
-    /// Offset of the tool from the flange, as on the wire: mm and rad.
-    pub tcp_offset_mm_rad: [f32; 6],
-    /// Payload, kg, and its centre, mm.
-    pub payload_kg_mm: [f32; 4],
-    /// How easily a collision is seen, 0 (off) to 5.
-    pub collision_sensitivity: u8,
-    /// Limits of the tool's moves (mm, s) and of the joints' (rad, s): jerk, smallest and largest acceleration, smallest
-    /// and largest speed.
-    pub tcp_limits_mm: [f32; 5],
-    pub joint_limits_rad: [f32; 5],
-}
-
-impl Default for Settings {
-    /// Motors off; limits as in the xArm user manual.
-    fn default() -> Self {
-        let [jerk, acceleration] = [11_459_f32, 1145.0].map(f32::to_radians);
-        Self {
-            enabled: 0,
-            error: 0,
-            warning: 0,
-            tcp_offset_mm_rad: [0.0; 6],
-            payload_kg_mm: [0.0; 4],
-            collision_sensitivity: 3,
-            tcp_limits_mm: [7000.0, 0.0, 50_000.0, 0.0, 1000.0],
-            joint_limits_rad: [jerk, 0.0, acceleration, 0.0, std::f32::consts::PI],
-        }
-    }
-}
 
 impl ArmEmulator {
     /// Adds a report to those that wait, if there is room.
@@ -146,15 +82,15 @@ impl ArmEmulator {
     }
 
     /// Torques of the joints, which are not emulated, or their currents where those were asked for.
-    fn torques(&self) -> [f32; JOINTS] {
-        if self.extra.currents_for_torques == 0 { [0.0; JOINTS] } else { CURRENTS_A }
+    fn torques(&self) -> [f32; ARM_JOINTS] {
+        if self.extra.currents_for_torques == 0 { [0.0; ARM_JOINTS] } else { CURRENTS_A }
     }
 
     /// The rich report from its byte 145 on.
     fn tell_rest(&self, report: &mut Vec<u8>) {
         let (settings, extra, lines) = (&self.settings, &self.extra, &self.lines);
         // Type and axes, then what the controller calls its master, its slave and its motors.
-        report.extend([JOINTS as u8, JOINTS as u8, 0xAA, 0x55, 0, 0]);
+        report.extend([ARM_JOINTS as u8, ARM_JOINTS as u8, 0xAA, 0x55, 0, 0]);
         report.extend(self.config.firmware.bytes().chain(std::iter::repeat(0)).take(30));
         push_floats(report, &settings.tcp_limits_mm);
         push_floats(report, &settings.joint_limits_rad);
@@ -170,7 +106,7 @@ impl ArmEmulator {
         report.extend(extra.reset_io);
         report.extend([extra.simulated.into(), extra.self_collision.into(), extra.tool_model]);
         push_floats(report, &extra.tool_size_mm);
-        report.extend([((VOLTS * 100.0) as u16).to_be_bytes(); JOINTS].as_flattened());
+        report.extend([((VOLTS * 100.0) as u16).to_be_bytes(); ARM_JOINTS].as_flattened());
         push_floats(report, &CURRENTS_A);
         report.extend([0, 0]);
         report.extend(lines.words().map(u16::to_be_bytes).as_flattened());

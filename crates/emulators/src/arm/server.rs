@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use etude_robot::stream::{Outbox, read_available};
 
-use super::{ArmEmulator, ConnectionId, ReportKind};
+use super::emulator::ArmEmulator;
+use super::state::{ConnectionId, ReportKind};
 
 /// Clients of one port at most.
 const MAX_CLIENTS: usize = 16;

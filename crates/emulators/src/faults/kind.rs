@@ -5,7 +5,7 @@ use std::mem::discriminant;
 use std::str::FromStr;
 use std::time::Duration;
 
-use etude_robot::allegro::{DeviceId, HostMessage, JOINTS};
+use etude_robot::allegro::{DeviceId, HostMessage, WIRE_JOINTS};
 use serde::{Deserialize, Serialize};
 
 use crate::{Devices, HandEmulatorConfig};
@@ -67,7 +67,7 @@ fn finger(value: &str) -> Option<u8> {
 }
 
 fn joint(value: &str) -> Option<u8> {
-    value.parse().ok().filter(|joint| usize::from(*joint) < JOINTS)
+    value.parse().ok().filter(|joint| usize::from(*joint) < WIRE_JOINTS)
 }
 
 /// Every kind, once.
@@ -125,7 +125,7 @@ fn kinds() -> String {
     names.join(", ")
 }
 
-fn set(joints: &mut [bool; JOINTS], joint: u8, on: bool) {
+fn set(joints: &mut [bool; WIRE_JOINTS], joint: u8, on: bool) {
     if let Some(is) = joints.get_mut(usize::from(joint)) {
         *is = on;
     }

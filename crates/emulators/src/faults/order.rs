@@ -1,4 +1,4 @@
-//! Faults ordered for a time: by `[[faults]]` in a truth's file, by `--fault KIND[=VALUE]@SECS[+SECS]`, or by a test.
+//! Faults ordered for a time: by `[[faults]]` in a file of twin parameters, by `--fault KIND[=VALUE]@SECS[+SECS]`, or by a test.
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::kind::{FaultError, FaultKind};
 use crate::Devices;
 
-/// A fault and its time, as in a truth's file.
+/// A fault and its time, as in a file of twin parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OrderedFault {

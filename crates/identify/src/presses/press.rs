@@ -114,12 +114,12 @@ impl<'a> Hand<'a> {
     /// explains the duties best.
     fn hinge_torque(&self, key: usize, finger: usize, index: usize) -> Option<f64> {
         let angles = self.angles(finger, index);
-        let mut positions = [0.0; allegro::JOINTS];
+        let mut positions = [0.0; allegro::WIRE_JOINTS];
         positions[..RAIL].copy_from_slice(&self.motion.fingers[index].1);
         // Fingers that the rig does not hold are taken to weigh nothing, as those of a twin without
         // gravity.
         let has_weight = self.motion.rig.joint_loop.gravity_pwm_per_nm > 0.0;
-        let holding = if has_weight { holding_torques(&positions) } else { [0.0; allegro::JOINTS] };
+        let holding = if has_weight { holding_torques(&positions) } else { [0.0; allegro::WIRE_JOINTS] };
         let duties = self.motion.pwm.get(index)?;
         let torques = Vector3::from_fn(|bend, _| {
             let joint = finger * JOINTS_PER_FINGER + FIRST_BEND + bend;

@@ -20,8 +20,8 @@ pub struct RehearsalConfig {
     pub song: String,
     /// The rig.
     pub rig: String,
-    /// Name of the twin's truth.
-    pub truth: Option<String>,
+    /// Name of the twin parameters.
+    pub twin_params: Option<String>,
     /// Rounds after the first performance.
     pub rounds: usize,
     /// Performances a round.

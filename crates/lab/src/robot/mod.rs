@@ -41,7 +41,7 @@ pub struct RobotPlay<'a> {
     pub runs: usize,
     /// Whether the robot first moves slowly to the keyboard, from any pose. Otherwise it must be there already.
     pub home: bool,
-    /// Added to the seed of the twin's truth; each run adds one more.
+    /// Added to the seed of the twin parameters; each run adds one more.
     pub seed: u64,
     /// Whether one run before the others, with other noise of the twin, measures how late the robot's notes are. The plan of the others leads
     /// by that, and it counts in no score.
@@ -236,8 +236,8 @@ fn play_runs(
         player: pianist.name(),
         mode: play.mode,
         robot: rig.name().to_string(),
-        truth: match rig {
-            RigChoice::Twin(truth) => Some(truth.name().to_string()),
+        twin_params: match rig {
+            RigChoice::Twin(twin_params) => Some(twin_params.name().to_string()),
             RigChoice::File { .. } => None,
         },
         sim_f1,

@@ -21,9 +21,9 @@ pub struct RobotReport {
     pub mode: Mode,
     /// The rig: `twin`, or the name in its file.
     pub robot: String,
-    /// Name of the twin's truth; absent for a robot with a rig file.
+    /// Name of the twin parameters; absent for a robot with a rig file.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub truth: Option<String>,
+    pub twin_params: Option<String>,
     /// F1 by control step of the same pianist in simulation.
     pub sim_f1: f64,
     /// Mean of the runs' F1 by control step.

@@ -2,7 +2,7 @@
 
 use etude_music::LOWEST_PITCH;
 use etude_robot::calibration::{Calibration, CalibrationError, Point, RailPath};
-use etude_robot::lead::Shown;
+use etude_robot::hand_guiding::GuidedPose;
 use etude_robot::rig::RigConfig;
 use etude_stage::geometry::key_lateral;
 use etude_twin::SHOWN_KEYS;
@@ -14,7 +14,7 @@ use super::rig_choice::unix_secs;
 ///
 /// # Errors
 /// If the file cannot be read or written.
-pub fn store_point(rig: &RigConfig, key: usize, shown: &Shown) -> Result<Calibration, CalibrationError> {
+pub fn store_point(rig: &RigConfig, key: usize, shown: &GuidedPose) -> Result<Calibration, CalibrationError> {
     let mut calibration = match Calibration::load(&rig.calibration) {
         Ok(known) if known.rig == rig.name && known.arm_serial == shown.serial => known,
         Ok(_) | Err(CalibrationError::Missing { .. }) => {

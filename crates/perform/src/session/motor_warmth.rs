@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use etude_robot::allegro::JOINTS;
+use etude_robot::allegro::WIRE_JOINTS;
 use etude_robot::rig::WiresConfig;
-use etude_robot::{Warmth, can};
+use etude_robot::{MotorHeat, can};
 use serde::{Deserialize, Serialize};
 
 use super::claim::file;
@@ -18,7 +18,7 @@ pub(super) struct WarmFile(PathBuf);
 #[derive(Serialize, Deserialize)]
 struct Kept {
     unix_secs: f64,
-    joints: [f64; JOINTS],
+    joints: [f64; WIRE_JOINTS],
 }
 
 impl WarmFile {
@@ -28,24 +28,24 @@ impl WarmFile {
     }
 
     /// How warm the motors are now, which is `now` on the robot's clock; cold if the file is missing, damaged or from the future.
-    pub fn read(&self, now: Duration) -> Warmth {
+    pub fn read(&self, now: Duration) -> MotorHeat {
         self.read_at(now, SystemTime::now()).unwrap_or_default()
     }
 
-    fn read_at(&self, now: Duration, clock: SystemTime) -> Option<Warmth> {
+    fn read_at(&self, now: Duration, clock: SystemTime) -> Option<MotorHeat> {
         let kept: Kept = serde_json::from_slice(&std::fs::read(&self.0).ok()?).ok()?;
         let written = UNIX_EPOCH.checked_add(Duration::try_from_secs_f64(kept.unix_secs).ok()?)?;
         let age = clock.duration_since(written).ok()?;
-        let then = Warmth::new(Duration::ZERO, kept.joints)?;
-        Warmth::new(now, then.joints(age))
+        let then = MotorHeat::new(Duration::ZERO, kept.joints)?;
+        MotorHeat::new(now, then.joints(age))
     }
 
     /// Keeps how warm the motors are at `now`. Without the file, the next program takes them for cold.
-    pub fn write(&self, now: Duration, warmth: &Warmth) {
-        self.write_at(warmth.joints(now), SystemTime::now());
+    pub fn write(&self, now: Duration, motor_heat: &MotorHeat) {
+        self.write_at(motor_heat.joints(now), SystemTime::now());
     }
 
-    fn write_at(&self, joints: [f64; JOINTS], clock: SystemTime) {
+    fn write_at(&self, joints: [f64; WIRE_JOINTS], clock: SystemTime) {
         let unix_secs = clock.duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
         let text = serde_json::to_string(&Kept { unix_secs, joints }).expect("plain numbers");
         let _ = write_file(&self.0, &text);

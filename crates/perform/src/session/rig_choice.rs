@@ -16,7 +16,7 @@ use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Robot, RobotError, propose_fence};
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams, Side, StageConfig, StageError, World};
-use etude_twin::{Lockstep, Truth, Twin, TwinError, calibration, stage_side};
+use etude_twin::{Lockstep, Twin, TwinError, TwinParams, calibration, stage_side};
 
 /// Name of the twin on the command line and in recordings.
 pub const TWIN: &str = "twin";
@@ -24,8 +24,8 @@ pub const TWIN: &str = "twin";
 /// A robot to play on.
 #[derive(Clone, Debug)]
 pub enum RigChoice {
-    /// A twin with this truth, in lockstep.
-    Twin(Box<Truth>),
+    /// A twin with this parameter set, in lockstep.
+    Twin(Box<TwinParams>),
     /// The rig that this file describes.
     File {
         /// The file.
@@ -119,10 +119,10 @@ impl RigChoice {
         }
     }
 
-    /// Its name; of a twin with its truth.
+    /// Its name; of a twin with its parameters.
     pub fn label(&self) -> String {
         match self {
-            Self::Twin(truth) => format!("{TWIN} ({})", truth.name()),
+            Self::Twin(twin_params) => format!("{TWIN} ({})", twin_params.name()),
             Self::File { rig, .. } => rig.name.clone(),
         }
     }
@@ -130,7 +130,7 @@ impl RigChoice {
     /// Its configuration; the default one for a twin.
     pub fn config(&self) -> RigConfig {
         match self {
-            Self::Twin(truth) => truth.rig(),
+            Self::Twin(twin_params) => twin_params.rig(),
             Self::File { rig, .. } => (**rig).clone(),
         }
     }
@@ -148,7 +148,7 @@ impl RigChoice {
         matches!(self, Self::Twin(_))
     }
 
-    /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin's truth; `side` is the hand that the
+    /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin parameters; `side` is the hand that the
     /// policy plays with.
     ///
     /// # Errors
@@ -182,10 +182,10 @@ impl RigChoice {
     pub fn open_at_rest(&self, side: Side, seed: u64) -> Result<Session, SessionError> {
         let wanted = hand_side(side);
         match self {
-            Self::Twin(truth) => {
+            Self::Twin(twin_params) => {
                 let mut rig = self.config();
                 rig.hand.side = wanted;
-                let lockstep = Lockstep::new(Twin::new(&truth.with_seed_added(seed), wanted)?)?;
+                let lockstep = Lockstep::new(Twin::new(&twin_params.with_seed_added(seed), wanted)?)?;
                 let robot = controller(&rig, &calibration(TWIN))?;
                 Ok(Session { robot, pace: SessionPace::Lockstep(Box::new(lockstep)) })
             }
@@ -259,10 +259,10 @@ fn hand_side(side: Side) -> HandSide {
 /// The rig that `--robot` names: `twin`, or a file, whose robot is claimed. To be called before any long work.
 ///
 /// # Errors
-/// If another process has the robot, or the truth of the twin or the rig's file is not valid.
-pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, SessionError> {
+/// If another process has the robot, or the parameter set of the twin or the rig's file is not valid.
+pub fn rig_choice(robot: &str, twin_params: &str) -> Result<RigChoice, SessionError> {
     if robot == TWIN {
-        return Ok(RigChoice::Twin(Box::new(Truth::load(truth).map_err(TwinError::from)?)));
+        return Ok(RigChoice::Twin(Box::new(TwinParams::load(twin_params).map_err(TwinError::from)?)));
     }
     let path = Path::new(robot).to_path_buf();
     if !path.exists() {

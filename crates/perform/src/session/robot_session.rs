@@ -63,7 +63,7 @@ impl Live {
     ) -> Self {
         let _priority = Priority::of_this_thread(Rank::Controller).ok();
         let pace = RealTime::new(wires);
-        robot.set_warmth(warm.read(pace.now()));
+        robot.set_motor_heat(warm.read(pace.now()));
         Self { pace, guard, claim, warm, worker: Arc::new(worker), _priority }
     }
 
@@ -147,7 +147,7 @@ impl Drop for Session {
         if released {
             live.guard.farewell();
         }
-        live.warm.write(live.pace.now(), &self.robot.warmth());
+        live.warm.write(live.pace.now(), &self.robot.motor_heat());
     }
 }
 

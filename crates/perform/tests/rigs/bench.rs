@@ -11,7 +11,7 @@ use etude_robot::calibration::RailPath;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams, World};
 use etude_task::{Piece, Player, TaskConfig};
-use etude_twin::{Lockstep, Truth, Twin, calibration};
+use etude_twin::{Lockstep, Twin, TwinParams, calibration};
 
 /// Which rig a test is run on: the simulator, or the twin in an execution mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +33,7 @@ pub fn start_pose(task: &TaskConfig) -> [f64; DRIVEN_JOINTS] {
 /// Calls `use_rig` with a rig of this kind that is ready to play.
 pub fn with_rig<T>(
     kind: Kind,
-    truth: &Truth,
+    twin_params: &TwinParams,
     task: &TaskConfig,
     piece: &Piece,
     use_rig: impl FnOnce(&mut dyn Rig) -> T,
@@ -41,7 +41,7 @@ pub fn with_rig<T>(
     let Kind::Twin(mode) = kind else {
         return use_rig(&mut SimRig::nominal(task, piece).unwrap());
     };
-    with_robot(truth, task, |robot, lockstep, pose| {
+    with_robot(twin_params, task, |robot, lockstep, pose| {
         prepare(robot, lockstep, Some(pose), None, &AtomicBool::new(false)).unwrap();
         let simulation = mode.simulation(task, &robot.config().limits).unwrap();
         use_rig(&mut *mode.rig(simulation, RobotRig::new(robot, lockstep, pose)))
@@ -50,12 +50,12 @@ pub fn with_rig<T>(
 
 /// Calls `use_robot` with the controller of a twin that is switched off, the twin, and the pose in which performances begin.
 pub fn with_robot<T>(
-    truth: &Truth,
+    twin_params: &TwinParams,
     task: &TaskConfig,
     use_robot: impl FnOnce(&mut Robot, &mut Lockstep, &[f64; DRIVEN_JOINTS]) -> T,
 ) -> T {
-    let rig = truth.rig();
-    let mut lockstep = Lockstep::new(Twin::new(truth, HandSide::Left).unwrap()).unwrap();
+    let rig = twin_params.rig();
+    let mut lockstep = Lockstep::new(Twin::new(twin_params, HandSide::Left).unwrap()).unwrap();
     let home = PAPER_HOME_DEG.map(f64::to_radians);
     let path = RailPath::new(&calibration("twin"), rig.limits.rail_range_m, &home).unwrap();
     let mut robot = Robot::new(&rig, path).unwrap();
@@ -65,12 +65,12 @@ pub fn with_robot<T>(
 /// Plays `piece` once on a rig of this kind.
 pub fn play(
     kind: Kind,
-    truth: &Truth,
+    twin_params: &TwinParams,
     task: &TaskConfig,
     piece: &Piece,
     player: &mut dyn Player,
     writer: Option<&mut RecordingWriter>,
     interrupt: &AtomicBool,
 ) -> Result<Performance, PerformError> {
-    with_rig(kind, truth, task, piece, |rig| perform(rig, player, task, piece, writer, interrupt))
+    with_rig(kind, twin_params, task, piece, |rig| perform(rig, player, task, piece, writer, interrupt))
 }

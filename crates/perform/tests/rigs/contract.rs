@@ -8,7 +8,7 @@ use etude_perform::{Ending, Header, Mode, Recording, RecordingWriter};
 use etude_stage::hand::{TIP_RADIUS, root_lateral};
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL, World, kinematics};
 use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedBaseline, TargetRange, TaskConfig};
-use etude_twin::{OrderedFault, Truth};
+use etude_twin::{OrderedFault, TwinParams};
 
 use crate::bench::{Kind, play, start_pose, with_rig};
 
@@ -19,8 +19,8 @@ const FINGER: usize = 1;
 const UP: usize = 20;
 const DOWN: usize = 20;
 
-pub fn truth() -> Truth {
-    Truth::load("mild").unwrap()
+pub fn twin_params() -> TwinParams {
+    TwinParams::load("mild").unwrap()
 }
 
 /// Joints in rad and m: the columns of the observation are then the readings themselves.
@@ -61,7 +61,7 @@ fn it_begins_in_the_starting_pose_and_follows_targets() {
             *action = if step < UP { still } else { up };
         };
         let performance =
-            play(kind, &truth(), &task, &piece, &mut player, None, &AtomicBool::new(false)).unwrap();
+            play(kind, &twin_params(), &task, &piece, &mut player, None, &AtomicBool::new(false)).unwrap();
         assert_eq!((performance.ending, observed.len()), (Ending::Complete, piece.steps()), "{kind:?}");
         let far = |joints: &[f32], pose: &[f64; DRIVEN_JOINTS]| {
             joints.iter().zip(pose).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max)
@@ -89,7 +89,7 @@ fn it_shows_the_keys_that_it_presses_and_reports_them_as_events() {
             *action = if (UP..UP + DOWN).contains(&step) { down } else { up };
         };
         let performance =
-            play(kind, &truth(), &task, &piece, &mut player, None, &AtomicBool::new(false)).unwrap();
+            play(kind, &twin_params(), &task, &piece, &mut player, None, &AtomicBool::new(false)).unwrap();
         assert!(seen[..=UP].iter().all(|key| *key == 0.0), "{kind:?}: nothing is pressed before: {seen:?}");
         assert!(seen[UP + 10..UP + DOWN].iter().all(|key| *key == 1.0), "{kind:?}: {seen:?}");
         assert_eq!(seen.last(), Some(&0.0), "{kind:?}: it is released");
@@ -121,7 +121,7 @@ fn fingers_at_the_ends_of_their_ranges_ask_for_no_more() {
             }
         };
         let performance =
-            play(kind, &truth(), &task, &piece, &mut player, None, &AtomicBool::new(false)).unwrap();
+            play(kind, &twin_params(), &task, &piece, &mut player, None, &AtomicBool::new(false)).unwrap();
         let clamped = performance.robot.as_ref().map(|robot| robot.clamped);
         let expected = (kind != Kind::Simulator).then_some(0);
         assert_eq!((performance.ending, clamped), (Ending::Complete, expected), "{kind:?}");
@@ -138,7 +138,7 @@ fn it_ends_where_it_is_interrupted_and_begins_anew_after_that() {
             interrupt.store(step == 9, Ordering::Relaxed);
             *action = script.action(step);
         };
-        let performance = play(kind, &truth(), &task, &piece, &mut player, None, &interrupt).unwrap();
+        let performance = play(kind, &twin_params(), &task, &piece, &mut player, None, &interrupt).unwrap();
         assert_eq!((performance.ending.clone(), performance.pressed.len()), (Ending::Interrupted, 10));
         assert_eq!(performance.heard().len(), piece.steps(), "what was not played counts as silence");
         // The simulator may play again, from the beginning.
@@ -148,7 +148,7 @@ fn it_ends_where_it_is_interrupted_and_begins_anew_after_that() {
                 let never = AtomicBool::new(false);
                 etude_perform::perform(rig, &mut script, &task, &piece, None, &never).unwrap()
             };
-            with_rig(kind, &truth(), &task, &piece, |rig| {
+            with_rig(kind, &twin_params(), &task, &piece, |rig| {
                 let (first, second) = (run(rig), run(rig));
                 assert_eq!((first.pressed, first.events), (second.pressed, second.events));
                 assert_eq!(first.simulation, second.simulation);
@@ -164,13 +164,14 @@ fn a_robot_that_stops_itself_ends_with_its_fault_and_the_recording_is_whole() {
         let (task, piece) = (task(), piece());
         // Starting and homing take some ten seconds; the fault comes in the middle of the piece or a little before.
         let fault: OrderedFault = "can-silent@11.5".parse().unwrap();
-        let truth = truth().with_faults(&[fault]).unwrap();
+        let twin_params = twin_params().with_faults(&[fault]).unwrap();
         let mut script = ScriptedBaseline::new(&task, &piece).unwrap();
         let path = folder.path().join(format!("{mode}.mcap"));
         let mut writer = RecordingWriter::create(&path, &Header::default()).unwrap();
         let never = AtomicBool::new(false);
         let kind = Kind::Twin(mode);
-        let performance = play(kind, &truth, &task, &piece, &mut script, Some(&mut writer), &never).unwrap();
+        let performance =
+            play(kind, &twin_params, &task, &piece, &mut script, Some(&mut writer), &never).unwrap();
         writer.finish().unwrap();
         assert!(matches!(&performance.ending, Ending::Fault(reason) if !reason.is_empty()), "{mode}");
         assert!(performance.pressed.len() < piece.steps(), "{mode}");
@@ -189,7 +190,7 @@ fn a_player_without_a_target_ends_with_a_fault() {
             action[0] = if step == LOST { f32::NAN } else { 0.0 };
         };
         let never = AtomicBool::new(false);
-        let performance = play(kind, &truth(), &task, &piece, &mut player, None, &never).unwrap();
+        let performance = play(kind, &twin_params(), &task, &piece, &mut player, None, &never).unwrap();
         assert!(matches!(performance.ending, Ending::Fault(_)), "{kind:?}: {:?}", performance.ending);
         assert_eq!(performance.pressed.len(), LOST, "{kind:?}");
     }

@@ -8,7 +8,7 @@ use etude_task::ScriptedBaseline;
 use etude_twin::OrderedFault;
 
 use crate::bench::with_robot;
-use crate::contract::{piece, task, truth};
+use crate::contract::{piece, task, twin_params};
 
 /// The order of the messages of a recording: notes, and whether the hand was reported with or without torque.
 fn order(path: &Path) -> Vec<String> {
@@ -41,12 +41,12 @@ fn a_recording_shows_the_hand_before_it_holds_and_after_a_fault() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("r.mcap");
     let fault: OrderedFault = "arm-error=31@11.5".parse().unwrap();
-    let truth = truth().with_faults(&[fault]).unwrap();
+    let twin_params = twin_params().with_faults(&[fault]).unwrap();
     let (task, piece) = (task(), piece());
     let mut script = ScriptedBaseline::new(&task, &piece).unwrap();
     let mut writer = RecordingWriter::create(&path, &Header::default()).unwrap();
     let never = AtomicBool::new(false);
-    let performance = with_robot(&truth, &task, |robot, pace, pose| {
+    let performance = with_robot(&twin_params, &task, |robot, pace, pose| {
         prepare(robot, pace, Some(pose), Some(&mut writer), &never).unwrap();
         let mut rig = Mode::Real.rig(None, RobotRig::new(robot, pace, pose));
         let performance = perform(&mut *rig, &mut script, &task, &piece, Some(&mut writer), &never).unwrap();

@@ -7,7 +7,7 @@ use etude_music::{KEY_COUNT, LOWEST_PITCH, repertoire};
 use etude_perform::{Header, Mode, Recording, RecordingWriter};
 use etude_stage::{DRIVEN_JOINTS, RAIL};
 use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedBaseline, TaskConfig};
-use etude_twin::Truth;
+use etude_twin::TwinParams;
 
 use crate::bench::{Kind, play};
 
@@ -44,8 +44,8 @@ fn observed(
     };
     let song = repertoire::get("twinkle").expect("built in");
     let piece = Piece::new(&song, task.initial_silence_secs).unwrap();
-    // A truth whose joints and keys differ from the simulation's.
-    let truth = Truth::load("worn").unwrap();
+    // A parameter set whose joints and keys differ from the simulation's.
+    let twin_params = TwinParams::load("worn").unwrap();
     let file = folder.join(format!("{mode}.mcap"));
     let mut writer = RecordingWriter::create(&file, &Header::default()).unwrap();
     let script = ScriptedBaseline::new(&task, &piece).unwrap();
@@ -56,7 +56,7 @@ fn observed(
     };
     let never = AtomicBool::new(false);
     let played =
-        play(Kind::Twin(mode), &truth, &task, &piece, &mut probe, Some(&mut writer), &never).unwrap();
+        play(Kind::Twin(mode), &twin_params, &task, &piece, &mut probe, Some(&mut writer), &never).unwrap();
     writer.finish().unwrap();
 
     let recording = Recording::read(&file).unwrap();
@@ -126,5 +126,5 @@ fn the_rails_set_point_is_shown_if_the_task_says_so() {
         }
     }
     let apart = |step: &usize| (sent[*step].joints[RAIL] - robot[*step].joints[RAIL]).abs() > 0.001;
-    assert!((0..sent.len()).filter(apart).count() > sent.len() / 10, "the arm of this truth is slow");
+    assert!((0..sent.len()).filter(apart).count() > sent.len() / 10, "the arm of this twin_params is slow");
 }

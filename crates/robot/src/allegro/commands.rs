@@ -1,6 +1,6 @@
 //! The frames that the driver sends.
 
-use super::limits::JOINTS;
+use super::limits::WIRE_JOINTS;
 use super::messages::{DeviceId, Finger, HostMessage};
 use crate::can::CanFrame;
 
@@ -39,11 +39,11 @@ impl Commands {
 
     /// Zero torque for all joints.
     pub fn zero(&self, out: &mut Vec<CanFrame>) {
-        self.torque(&[0; JOINTS], out);
+        self.torque(&[0; WIRE_JOINTS], out);
     }
 
     /// The PWM of each flat joint.
-    pub fn torque(&self, pwm: &[i16; JOINTS], out: &mut Vec<CanFrame>) {
+    pub fn torque(&self, pwm: &[i16; WIRE_JOINTS], out: &mut Vec<CanFrame>) {
         let (fingers, _) = pwm.as_chunks::<4>();
         for (&finger, &pwm) in Finger::ALL.iter().zip(fingers) {
             self.message(HostMessage::Torque { finger, pwm }, out);

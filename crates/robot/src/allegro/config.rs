@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::limits::{JOINTS, PWM_LIMITS};
+use super::limits::{PWM_LIMITS, WIRE_JOINTS};
 use super::messages::{DeviceId, HandSide};
 use crate::setting::{SettingError, check_range};
 
@@ -17,7 +17,7 @@ pub struct HandConfig {
     /// Period of the position frames, and so of the joint loop, ms.
     pub period_ms: u16,
     /// Largest PWM of each flat joint; at most [`PWM_LIMITS`].
-    pub pwm_limit: [i16; JOINTS],
+    pub pwm_limit: [i16; WIRE_JOINTS],
     /// Longest start, from the first question to the first positions with the servo on, s.
     pub start_timeout_secs: f64,
     /// Oldest position of any finger that torque may still be computed from, s.

@@ -15,7 +15,7 @@ use std::time::Duration;
 use super::commands::Commands;
 use super::config::HandConfig;
 use super::fault::HandFault;
-use super::limits::{JOINTS, PWM_LIMITS, clamp_pwm};
+use super::limits::{PWM_LIMITS, WIRE_JOINTS, clamp_pwm};
 use super::messages::{Finger, HandMessage, HostMessage, Information, Request, Serial};
 use super::state::{HandEvent, HandState, Known, Step};
 use crate::can::CanFrame;
@@ -149,11 +149,11 @@ impl Hand {
     pub fn torque(
         &mut self,
         now: Duration,
-        wanted: &[f64; JOINTS],
+        wanted: &[f64; WIRE_JOINTS],
         out: &mut Vec<CanFrame>,
-    ) -> [i16; JOINTS] {
+    ) -> [i16; WIRE_JOINTS] {
         self.watch(now);
-        let mut sent = [0; JOINTS];
+        let mut sent = [0; WIRE_JOINTS];
         if self.state != HandState::Ready {
             return sent;
         }
@@ -201,7 +201,7 @@ impl Hand {
     }
 
     /// Last valid angle of each flat joint, rad; 0 before the first.
-    pub fn positions(&self) -> [f64; JOINTS] {
+    pub fn positions(&self) -> [f64; WIRE_JOINTS] {
         self.known.encoders.each_ref().map(|encoder| encoder.rad().unwrap_or(0.0))
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Lengths are those of MuJoCo Menagerie's `wonik_allegro` and of the printed tips (lasr-lab/learning-to-play-piano).
 
-use super::limits::JOINTS;
+use super::limits::WIRE_JOINTS;
 
 /// Fingers that play, with four joints each. The thumb is folded away.
 pub const PLAYING: usize = 3;
@@ -15,7 +15,7 @@ const TIP_RADIUS_M: f64 = 0.0085;
 
 /// The playing fingers at `positions` (rad, as on the wire): rotation at the palm, and the angle of each link from straight ahead toward
 /// the keys, rad.
-pub(super) fn bends(positions: &[f64; JOINTS]) -> [(f64, [f64; 3]); PLAYING] {
+pub(super) fn bends(positions: &[f64; WIRE_JOINTS]) -> [(f64, [f64; 3]); PLAYING] {
     std::array::from_fn(|finger| {
         let [roll, first, second, third] = std::array::from_fn(|joint| positions[4 * finger + joint]);
         (roll, [first, first + second, first + second + third])
@@ -23,7 +23,7 @@ pub(super) fn bends(positions: &[f64; JOINTS]) -> [(f64, [f64; 3]); PLAYING] {
 }
 
 /// How far the lowest point of each playing finger's tip is below the roots of the fingers, m, at `positions` (rad, as on the wire).
-pub fn tip_depths(positions: &[f64; JOINTS]) -> [f64; PLAYING] {
+pub fn tip_depths(positions: &[f64; WIRE_JOINTS]) -> [f64; PLAYING] {
     bends(positions).map(|(roll, bends)| {
         let [proximal, medial, distal] = bends.map(f64::sin);
         roll.cos() * (PROXIMAL_M * proximal + MEDIAL_M * medial + DISTAL_M * distal) + TIP_RADIUS_M
@@ -38,7 +38,7 @@ mod tests {
 
     #[test]
     fn a_hanging_finger_is_as_long_as_its_links() {
-        let mut positions = [0.0; JOINTS];
+        let mut positions = [0.0; WIRE_JOINTS];
         assert_eq!(tip_depths(&positions), [TIP_RADIUS_M; PLAYING]);
         // The ring finger hangs, the middle one is bent at its last joint.
         (positions[9], positions[7]) = (FRAC_PI_2, FRAC_PI_2);

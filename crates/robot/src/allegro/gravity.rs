@@ -5,7 +5,7 @@
 //! its stop.
 
 use super::fingers::{MEDIAL_M, PROXIMAL_M, bends};
-use super::limits::JOINTS;
+use super::limits::WIRE_JOINTS;
 
 /// Mass, kg, and distance of its centre from the joint before it, m: proximal and medial link.
 const PROXIMAL: (f64, f64) = (0.065, PROXIMAL_M / 2.0);
@@ -16,8 +16,8 @@ const GRAVITY: f64 = 9.81;
 
 /// The torques (N·m) that hold the fingers at `positions` (rad, as on the wire) when the palm faces down. With the palm facing elsewhere they
 /// are to be multiplied by the cosine of the angle between its normal and straight down.
-pub fn holding_torques(positions: &[f64; JOINTS]) -> [f64; JOINTS] {
-    let mut torques = [0.0; JOINTS];
+pub fn holding_torques(positions: &[f64; WIRE_JOINTS]) -> [f64; WIRE_JOINTS] {
+    let mut torques = [0.0; WIRE_JOINTS];
     for (finger, (roll, bends)) in bends(positions).into_iter().enumerate() {
         // Along the straight finger, and toward the keys.
         let along = bends.map(f64::cos);
@@ -46,12 +46,12 @@ mod tests {
 
     #[test]
     fn a_straight_finger_is_heaviest_and_a_hanging_one_weighs_nothing() {
-        let straight = holding_torques(&[0.0; JOINTS]);
+        let straight = holding_torques(&[0.0; WIRE_JOINTS]);
         // 0.065 · 0.027 + 0.0355 · 0.0732 + 0.0096 · 0.1004 + 0.0168 · 0.1214, times 9.81.
         assert!((straight[1] + 0.0722).abs() < 1e-4, "{straight:?}");
         assert!(straight[2] > straight[1] && straight[3] > straight[2] && straight[3] < 0.0);
         assert_eq!((straight[0], straight[13]), (0.0, 0.0));
-        let mut hanging = [0.0; JOINTS];
+        let mut hanging = [0.0; WIRE_JOINTS];
         hanging[1] = std::f64::consts::FRAC_PI_2;
         assert!(holding_torques(&hanging)[1].abs() < 1e-12);
         // Turned sideways, a hanging finger wants back.

@@ -9,7 +9,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::gravity::holding_torques;
-use super::limits::JOINTS;
+use super::limits::WIRE_JOINTS;
 use crate::setting::{SettingError, check_range};
 
 /// Differences over less than this are noise: the older reading is kept until more time has passed.
@@ -52,8 +52,8 @@ impl JointLoopConfig {
 #[derive(Clone, Debug)]
 pub struct JointLoop {
     config: JointLoopConfig,
-    last: Option<(Duration, [f64; JOINTS])>,
-    velocities: [f64; JOINTS],
+    last: Option<(Duration, [f64; WIRE_JOINTS])>,
+    velocities: [f64; WIRE_JOINTS],
 }
 
 impl JointLoop {
@@ -63,13 +63,13 @@ impl JointLoop {
     /// If a gain is out of its range.
     pub fn new(config: &JointLoopConfig) -> Result<Self, SettingError> {
         config.check()?;
-        Ok(Self { config: config.clone(), last: None, velocities: [0.0; JOINTS] })
+        Ok(Self { config: config.clone(), last: None, velocities: [0.0; WIRE_JOINTS] })
     }
 
     /// Discards all readings, for a new start of the hand.
     pub fn reset(&mut self) {
         self.last = None;
-        self.velocities = [0.0; JOINTS];
+        self.velocities = [0.0; WIRE_JOINTS];
     }
 
     /// The wanted PWM of each flat joint, unclamped, for positions measured at `at` and references, both in
@@ -78,10 +78,10 @@ impl JointLoop {
     pub fn pwm(
         &mut self,
         at: Duration,
-        positions: &[f64; JOINTS],
-        reference: &[f64; JOINTS],
+        positions: &[f64; WIRE_JOINTS],
+        reference: &[f64; WIRE_JOINTS],
         palm_down: f64,
-    ) -> [f64; JOINTS] {
+    ) -> [f64; WIRE_JOINTS] {
         self.measure(at, positions);
         let holding = holding_torques(positions);
         let gravity = palm_down * self.config.gravity_pwm_per_nm;
@@ -92,7 +92,7 @@ impl JointLoop {
         })
     }
 
-    fn measure(&mut self, at: Duration, positions: &[f64; JOINTS]) {
+    fn measure(&mut self, at: Duration, positions: &[f64; WIRE_JOINTS]) {
         let Some((last_at, last)) = &mut self.last else {
             self.last = Some((at, *positions));
             return;
@@ -126,11 +126,11 @@ mod tests {
     #[test]
     fn the_law_by_hand() {
         let mut joints = JointLoop::new(&JointLoopConfig::default()).unwrap();
-        let mut positions = [0.2; JOINTS];
-        let pwm = joints.pwm(ms(10.0), &positions, &[0.3; JOINTS], 0.0);
+        let mut positions = [0.2; WIRE_JOINTS];
+        let pwm = joints.pwm(ms(10.0), &positions, &[0.3; WIRE_JOINTS], 0.0);
         assert!((pwm[0] - 360.0).abs() < 1e-9, "no velocity from one reading: {}", pwm[0]);
         positions[5] += 0.003;
-        let pwm = joints.pwm(ms(13.0), &positions, &[0.3; JOINTS], 0.0);
+        let pwm = joints.pwm(ms(13.0), &positions, &[0.3; WIRE_JOINTS], 0.0);
         // 1 rad/s through the low-pass: 1 − exp(−2π · 30 Hz · 3 ms) = 0.4319.
         assert!((joints.velocities[5] - 0.431_92).abs() < 1e-4, "{}", joints.velocities[5]);
         assert!((pwm[5] - (3600.0 * 0.097 - 120.0 * 0.431_92)).abs() < 0.05, "{}", pwm[5]);
@@ -140,13 +140,13 @@ mod tests {
     #[test]
     fn a_broken_number_is_gone_with_the_next() {
         let mut joints = JointLoop::new(&JointLoopConfig::default()).unwrap();
-        let mut positions = [0.0; JOINTS];
-        let _ = joints.pwm(ms(0.0), &positions, &[0.0; JOINTS], 0.0);
+        let mut positions = [0.0; WIRE_JOINTS];
+        let _ = joints.pwm(ms(0.0), &positions, &[0.0; WIRE_JOINTS], 0.0);
         positions[3] = f64::NAN;
-        assert!(joints.pwm(ms(3.0), &positions, &[0.0; JOINTS], 0.0)[3].is_nan());
+        assert!(joints.pwm(ms(3.0), &positions, &[0.0; WIRE_JOINTS], 0.0)[3].is_nan());
         for n in 2..5 {
             positions[3] = 0.0;
-            assert_eq!(joints.pwm(ms(3.0 * f64::from(n)), &positions, &[0.0; JOINTS], 0.0)[3], 0.0);
+            assert_eq!(joints.pwm(ms(3.0 * f64::from(n)), &positions, &[0.0; WIRE_JOINTS], 0.0)[3], 0.0);
         }
     }
 
@@ -168,7 +168,7 @@ mod tests {
             let mut at = 0.0;
             for gap in gaps {
                 at += gap;
-                let _ = joints.pwm(ms(at), &[speed * ms(at).as_secs_f64(); JOINTS], &[0.0; JOINTS], 0.0);
+                let _ = joints.pwm(ms(at), &[speed * ms(at).as_secs_f64(); WIRE_JOINTS], &[0.0; WIRE_JOINTS], 0.0);
                 // Never beyond the truth: a wrong time step would overshoot.
                 prop_assert!(joints.velocities[0].abs() <= f64::abs(speed) * (1.0 + 1e-6));
             }

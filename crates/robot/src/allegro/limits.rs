@@ -1,7 +1,7 @@
 //! Units, ranges and torque limits of the hand's joints, one entry per flat joint (index = 4 × finger + joint).
 
 /// Joints of the hand: four fingers of four.
-pub const JOINTS: usize = 16;
+pub const WIRE_JOINTS: usize = 16;
 
 /// PWM of full duty on a v4 hand (allegro_hand_ros_v4). Torque on the wire is a duty, never a measured N·m.
 pub const FULL_SCALE_PWM: i16 = 1200;
@@ -10,7 +10,7 @@ pub const FULL_SCALE_PWM: i16 = 1200;
 pub const RAD_PER_COUNT: f64 = 333.3 / 65536.0 * std::f64::consts::PI / 180.0;
 
 /// Largest allowed PWM of each joint, either direction, for the hand on 12 V (allegro_hand_ros_v4).
-pub const PWM_LIMITS: [i16; JOINTS] =
+pub const PWM_LIMITS: [i16; WIRE_JOINTS] =
     [375, 675, 450, 285, 375, 675, 450, 285, 375, 675, 450, 285, 525, 405, 270, 270];
 
 const FINGER: [[f64; 2]; 4] = [[-0.47, 0.47], [-0.196, 1.61], [-0.174, 1.709], [-0.227, 1.618]];
@@ -18,10 +18,10 @@ const THUMB: [[f64; 2]; 4] = [[0.263, 1.396], [-0.105, 1.163], [-0.189, 1.644], 
 
 /// Lower and upper limit of each joint, rad: the same for the left and the right hand (URDF in
 /// allegro_hand_ros2).
-pub const JOINT_LIMITS_RAD: [[f64; 2]; JOINTS] = {
-    let mut limits = [[0.0; 2]; JOINTS];
+pub const JOINT_LIMITS_RAD: [[f64; 2]; WIRE_JOINTS] = {
+    let mut limits = [[0.0; 2]; WIRE_JOINTS];
     let mut joint = 0;
-    while joint < JOINTS {
+    while joint < WIRE_JOINTS {
         limits[joint] = if joint < 12 { FINGER[joint % 4] } else { THUMB[joint % 4] };
         joint += 1;
     }

@@ -28,7 +28,7 @@ pub use fingers::{PLAYING, tip_depths};
 pub use gravity::holding_torques;
 pub use joint_loop::{JointLoop, JointLoopConfig};
 pub use limits::{
-    FULL_SCALE_PWM, JOINT_LIMITS_RAD, JOINTS, PWM_LIMITS, RAD_PER_COUNT, clamp_pwm, counts_from_rad,
+    FULL_SCALE_PWM, JOINT_LIMITS_RAD, PWM_LIMITS, RAD_PER_COUNT, WIRE_JOINTS, clamp_pwm, counts_from_rad,
     rad_from_counts,
 };
 pub use messages::{

@@ -6,7 +6,7 @@ use super::assembly::Assembly;
 use super::config::HandConfig;
 use super::encoder::Encoder;
 use super::fault::HandFault;
-use super::limits::JOINTS;
+use super::limits::WIRE_JOINTS;
 use super::messages::{Information, Serial};
 
 /// The state of the driver.
@@ -49,7 +49,7 @@ pub(super) enum Step {
 #[derive(Clone, Debug)]
 pub(super) struct Known {
     pub assembly: Assembly,
-    pub encoders: [Encoder; JOINTS],
+    pub encoders: [Encoder; WIRE_JOINTS],
     pub finger_at: [Option<Duration>; 4],
     pub positions_at: Option<Duration>,
     pub information: Option<(Duration, Information)>,
@@ -69,7 +69,7 @@ impl Known {
     pub fn nothing(config: &HandConfig) -> Self {
         Self {
             assembly: Assembly::new(Duration::from_millis(u64::from(config.period_ms))),
-            encoders: [Encoder::default(); JOINTS],
+            encoders: [Encoder::default(); WIRE_JOINTS],
             finger_at: [None; 4],
             positions_at: None,
             information: None,

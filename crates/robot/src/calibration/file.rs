@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use atomic_write_file::AtomicWriteFile;
 use serde::{Deserialize, Serialize};
 
-use crate::xarm::kinematics::{JOINTS, Pose, forward};
+use crate::xarm::kinematics::{ARM_JOINTS, Pose, forward};
 
 /// Version of the file.
 const SCHEMA: u32 = 1;
@@ -30,7 +30,7 @@ pub struct Point {
 
 impl Point {
     /// The point at which the arm's joints (rad) are now.
-    pub fn at(pitch: u8, rail_m: f64, joints_rad: &[f64; JOINTS], shown_unix_secs: u64) -> Self {
+    pub fn at(pitch: u8, rail_m: f64, joints_rad: &[f64; ARM_JOINTS], shown_unix_secs: u64) -> Self {
         let pose = forward(joints_rad);
         Self {
             pitch,

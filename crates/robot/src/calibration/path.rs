@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use nalgebra::Vector3;
 
 use super::file::{Calibration, CalibrationError, Point};
-use crate::xarm::kinematics::{JOINTS, KinematicsError, Pose, forward, inverse, logarithm};
+use crate::xarm::kinematics::{ARM_JOINTS, KinematicsError, Pose, forward, inverse, logarithm};
 
 /// Largest relative difference between the distance of two points on the rail and that of their poses.
 const LENGTH_TOLERANCE: f64 = 0.02;
@@ -32,7 +32,7 @@ pub struct RailPlace {
 pub struct RailPath {
     points: [(f64, Vector3<f64>); 3],
     orientation: Pose,
-    middle: [f64; JOINTS],
+    middle: [f64; ARM_JOINTS],
     arm_serial: String,
 }
 
@@ -45,7 +45,7 @@ impl RailPath {
     pub fn new(
         calibration: &Calibration,
         range: [f64; 2],
-        near: &[f64; JOINTS],
+        near: &[f64; ARM_JOINTS],
     ) -> Result<Self, CalibrationError> {
         let points: &[Point; 3] = calibration.points.as_slice().try_into().map_err(|_| {
             CalibrationError::Unfit(format!(
@@ -94,7 +94,7 @@ impl RailPath {
             middle: *near,
             arm_serial: calibration.arm_serial.clone(),
         };
-        let reach = |rail_m: f64, near: &[f64; JOINTS]| {
+        let reach = |rail_m: f64, near: &[f64; ARM_JOINTS]| {
             let unfit = |why| CalibrationError::Unfit(format!("at {rail_m:+.3} m along the keyboard: {why}"));
             path.joints(rail_m, near).map_err(unfit)
         };
@@ -116,7 +116,7 @@ impl RailPath {
     }
 
     /// Joints of the arm over the middle point, rad.
-    pub fn middle(&self) -> &[f64; JOINTS] {
+    pub fn middle(&self) -> &[f64; ARM_JOINTS] {
         &self.middle
     }
 
@@ -138,7 +138,11 @@ impl RailPath {
     ///
     /// # Errors
     /// If the arm does not reach there.
-    pub fn joints(&self, rail_m: f64, near: &[f64; JOINTS]) -> Result<[f64; JOINTS], KinematicsError> {
+    pub fn joints(
+        &self,
+        rail_m: f64,
+        near: &[f64; ARM_JOINTS],
+    ) -> Result<[f64; ARM_JOINTS], KinematicsError> {
         inverse(&self.pose(rail_m), near)
     }
 
@@ -146,7 +150,7 @@ impl RailPath {
     ///
     /// # Errors
     /// If the arm does not reach there.
-    pub fn above_middle(&self, up_m: f64) -> Result<[f64; JOINTS], KinematicsError> {
+    pub fn above_middle(&self, up_m: f64) -> Result<[f64; ARM_JOINTS], KinematicsError> {
         let mut pose = self.pose(self.points[1].0);
         pose.position_m.z += up_m;
         inverse(&pose, &self.middle)
@@ -156,20 +160,24 @@ impl RailPath {
     ///
     /// # Errors
     /// If the arm does not reach there.
-    pub fn above(&self, joints_rad: &[f64; JOINTS], up_m: f64) -> Result<[f64; JOINTS], KinematicsError> {
+    pub fn above(
+        &self,
+        joints_rad: &[f64; ARM_JOINTS],
+        up_m: f64,
+    ) -> Result<[f64; ARM_JOINTS], KinematicsError> {
         let mut pose = forward(joints_rad);
         pose.position_m.z = self.pose(self.place(joints_rad).rail_m).position_m.z + up_m;
         inverse(&pose, joints_rad)
     }
 
     /// Cosine of the angle between the palm's normal and straight down for these joints of the arm: on the path the palm faces down.
-    pub fn palm_down(&self, joints_rad: &[f64; JOINTS]) -> f64 {
+    pub fn palm_down(&self, joints_rad: &[f64; ARM_JOINTS]) -> f64 {
         let up = |pose: &Pose| pose.rotation.inverse() * Vector3::z();
         up(&forward(joints_rad)).dot(&up(&self.orientation))
     }
 
     /// Where the hand is for these joints of the arm.
-    pub fn place(&self, joints_rad: &[f64; JOINTS]) -> RailPlace {
+    pub fn place(&self, joints_rad: &[f64; ARM_JOINTS]) -> RailPlace {
         let pose = forward(joints_rad);
         let [low, middle, high] = &self.points;
         let along = |from: &(f64, Vector3<f64>), to: &(f64, Vector3<f64>)| {
@@ -198,7 +206,7 @@ mod tests {
     use super::*;
     use crate::xarm::kinematics::PAPER_HOME_DEG;
 
-    fn home() -> [f64; JOINTS] {
+    fn home() -> [f64; ARM_JOINTS] {
         PAPER_HOME_DEG.map(f64::to_radians)
     }
 

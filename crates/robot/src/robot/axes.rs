@@ -2,15 +2,14 @@
 
 use std::time::Duration;
 
-use crate::allegro;
-use crate::joints::{DRIVEN, FINGER_JOINTS, RAIL, to_wire};
+use crate::allegro::WIRE_JOINTS;
+use crate::joints::{DRIVEN, HAND_DRIVEN_JOINTS, RAIL, to_wire};
 use crate::rig::SETPOINT_HZ;
 
 /// Set-points of all axes.
-pub(super) const AXES: usize = allegro::JOINTS + 1;
+pub(super) const AXES: usize = WIRE_JOINTS + 1;
 /// The rail among them.
-pub(super) const RAIL_AXIS: usize = allegro::JOINTS;
-
+pub(super) const RAIL_AXIS: usize = WIRE_JOINTS;
 /// Time between two set-points.
 pub(super) fn period() -> Duration {
     Duration::from_secs_f64(1.0 / SETPOINT_HZ)
@@ -31,7 +30,7 @@ pub(super) fn driven(axes: &[f64; AXES]) -> [f64; DRIVEN] {
 pub(super) fn driven_index(axis: usize) -> usize {
     match axis {
         RAIL_AXIS => RAIL,
-        thumb if thumb >= FINGER_JOINTS => thumb + 1,
+        thumb if thumb >= HAND_DRIVEN_JOINTS => thumb + 1,
         finger => finger,
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::doubt::Doubt;
+use super::plausibility::Implausible;
 use crate::allegro::HandFault;
 use crate::calibration::CalibrationError;
 use crate::can::CanError;
@@ -42,7 +42,7 @@ pub enum Fault {
     },
     /// A measurement cannot be right, or the robot is not where it was sent.
     #[error(transparent)]
-    Doubted(#[from] Doubt),
+    Implausible(#[from] Implausible),
     /// A joint of the hand begins where it must not be.
     #[error(
         "joint {joint} of the hand is at {rad:.2} rad, outside its range from {low} to {high}: bring it into its range \

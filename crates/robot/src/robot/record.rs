@@ -28,29 +28,29 @@ pub enum Record {
         /// When its positions were in.
         at: Duration,
         /// Measured angles, as on the wire, rad.
-        positions: [f64; allegro::JOINTS],
+        positions: [f64; allegro::WIRE_JOINTS],
         /// Angles to be at, rad.
-        reference: [f64; allegro::JOINTS],
+        reference: [f64; allegro::WIRE_JOINTS],
         /// The PWM that the joint loop wanted, before it was cut to the limits.
-        wanted: [f64; allegro::JOINTS],
+        wanted: [f64; allegro::WIRE_JOINTS],
         /// What was sent.
-        pwm: [i16; allegro::JOINTS],
+        pwm: [i16; allegro::WIRE_JOINTS],
     },
     /// Angles of the hand while it is not driven: while it starts, and in the first second after it was released.
     Idle {
         /// When they were in.
         at: Duration,
         /// Measured angles, as on the wire, rad.
-        positions: [f64; allegro::JOINTS],
+        positions: [f64; allegro::WIRE_JOINTS],
     },
     /// A report of the arm.
     Arm {
         /// When.
         at: Duration,
         /// Measured joints, rad.
-        measured: [f64; kinematics::JOINTS],
+        measured: [f64; kinematics::ARM_JOINTS],
         /// The joints that it was last asked for, rad; `None` while it follows nothing.
-        sent: Option<[f64; kinematics::JOINTS]>,
+        sent: Option<[f64; kinematics::ARM_JOINTS]>,
         /// Its place on the rail, m.
         rail_m: f64,
     },

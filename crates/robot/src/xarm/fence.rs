@@ -6,15 +6,15 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::kinematics::{JOINTS, forward};
+use super::kinematics::{ARM_JOINTS, forward};
 
 /// How far from the sides our own motion stays, mm: a servoed arm rounds its corners.
 const MARGIN_MM: f64 = 5.0;
 /// Range of the tool in xArm-Python-SDK, mm.
-const WIDEST_MM: [[i32; 2]; 3] = [[-750, 750], [-750, 750], [-400, 1000]];
+const MAX_SIDES_MM: [[i32; 2]; 3] = [[-750, 750], [-750, 750], [-400, 1000]];
 /// Thinnest box, mm: less leaves nothing between its margins.
-const THINNEST_MM: i32 = 50;
-/// Turn of a joint from one tried place of a way to the next, rad: the flange's arc between two of them leaves its
+const MIN_SIDE_MM: i32 = 50;
+/// Turn of a joint from one tried position of a path to the next, rad: the flange's arc between two of them leaves its
 /// chord by less than a tenth of a millimetre.
 const TRIAL_STEP_RAD: f64 = 0.02;
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -43,7 +43,7 @@ pub struct OutsideFence {
 
 impl Fence {
     /// The largest one.
-    pub const WIDEST: Self = Self(WIDEST_MM);
+    pub const WIDEST: Self = Self(MAX_SIDES_MM);
 
     /// The smallest box, in whole centimetres, that has these places of the flange `room_mm` inside its sides; no larger than
     /// [`WIDEST`](Self::WIDEST).
@@ -54,7 +54,7 @@ impl Fence {
                 (*low, *high) = (low.min(metres * 1e3), high.max(metres * 1e3));
             }
         }
-        let mut sides = WIDEST_MM;
+        let mut sides = MAX_SIDES_MM;
         for ([low, high], [lowest, highest]) in ends.iter().zip(&mut sides) {
             let (down, up) =
                 (((low - room_mm) / 10.0).floor() * 10.0, ((high + room_mm) / 10.0).ceil() * 10.0);
@@ -74,10 +74,10 @@ impl Fence {
         for (axis, ((pair, names), [low, high])) in
             sides.as_chunks_mut().0.iter_mut().zip(names).zip(self.0).enumerate()
         {
-            let [widest_low, widest_high] = WIDEST_MM[axis];
+            let [widest_low, widest_high] = MAX_SIDES_MM[axis];
             *pair = [
-                (names[0], low, widest_low, widest_high - THINNEST_MM),
-                (names[1], high, low.saturating_add(THINNEST_MM), widest_high),
+                (names[0], low, widest_low, widest_high - MIN_SIDE_MM),
+                (names[1], high, low.saturating_add(MIN_SIDE_MM), widest_high),
             ];
         }
         sides
@@ -101,8 +101,8 @@ impl Fence {
     ///
     /// # Errors
     /// Names the first axis along which the flange would leave.
-    pub fn holds_way(&self, from: &[f64; JOINTS], to: &[f64; JOINTS]) -> Result<(), OutsideFence> {
-        way(from, to).try_for_each(|position_m| self.holds(&position_m))
+    pub fn holds_path(&self, from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]) -> Result<(), OutsideFence> {
+        flange_positions(from, to).try_for_each(|position_m| self.holds(&position_m))
     }
 
     /// Whether the controller itself leaves the arm alone here: there is no margin.
@@ -126,8 +126,11 @@ impl Fence {
     }
 }
 
-/// Places of the flange, m, on a move that the arm plans itself from these joints straight to those, rad.
-pub(crate) fn way(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> impl Iterator<Item = Vector3<f64>> {
+/// Positions of the flange, m, on a straight path in joint space, rad.
+pub(crate) fn flange_positions(
+    from: &[f64; ARM_JOINTS],
+    to: &[f64; ARM_JOINTS],
+) -> impl Iterator<Item = Vector3<f64>> {
     let turn = from.iter().zip(to).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
     // No joint turns by more than two full turns either way.
     let steps = (turn / TRIAL_STEP_RAD).ceil().clamp(1.0, 2000.0) as u32;
@@ -146,7 +149,7 @@ mod tests {
     use crate::xarm::kinematics::PAPER_HOME_DEG;
 
     #[test]
-    fn a_way_may_leave_between_two_places_that_are_inside() {
+    fn a_path_may_leave_between_two_places_that_are_inside() {
         // The paper's home, and the same turned by a half: between them the flange goes around the base.
         let from = PAPER_HOME_DEG.map(f64::to_radians);
         let mut to = from;
@@ -154,10 +157,10 @@ mod tests {
         let narrow = Fence([[-600, 600], [-100, 100], [500, 650]]);
         narrow.holds(&forward(&from).position_m).unwrap();
         narrow.holds(&forward(&to).position_m).unwrap();
-        let outside = narrow.holds_way(&from, &to).unwrap_err();
+        let outside = narrow.holds_path(&from, &to).unwrap_err();
         assert_eq!((outside.axis, outside.high_mm), ("y", 100));
         assert!(outside.to_string().contains("arm.fence_mm allows -100 to 100"), "{outside}");
-        Fence([[-600, 600], [-600, 600], [500, 650]]).holds_way(&from, &to).unwrap();
+        Fence([[-600, 600], [-600, 600], [500, 650]]).holds_path(&from, &to).unwrap();
     }
 
     proptest! {
@@ -178,7 +181,7 @@ mod tests {
             let mut at = Vector3::zeros();
             at[axis] = odd;
             prop_assert!(Fence::WIDEST.holds(&at).is_err());
-            prop_assert!(Fence::WIDEST.holds_way(&[odd; JOINTS], &[0.0; JOINTS]).is_err());
+            prop_assert!(Fence::WIDEST.holds_path(&[odd; ARM_JOINTS], &[0.0; ARM_JOINTS]).is_err());
         }
     }
 }

@@ -10,13 +10,13 @@ use nalgebra::{Cholesky, Matrix3, Matrix6, Rotation3, SMatrix, SVector, Vector3,
 pub use super::pose::{Pose, logarithm};
 
 /// Joints of the arm.
-pub const JOINTS: usize = 7;
+pub const ARM_JOINTS: usize = 7;
 
 /// Derivative of the pose with respect to the joints: three rows in m/rad, then three in rad/rad.
-pub type Jacobian = SMatrix<f64, 6, JOINTS>;
+pub type Jacobian = SMatrix<f64, 6, ARM_JOINTS>;
 
 /// What every hardware model of the arm can reach, rad (joint limits in xArm-Python-SDK, models from 1305).
-pub const JOINT_LIMITS_RAD: [(f64, f64); JOINTS] = [
+pub const JOINT_LIMITS_RAD: [(f64, f64); ARM_JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
     (-2.042035, 2.024581),
     (-2.0 * PI, 2.0 * PI),
@@ -27,7 +27,7 @@ pub const JOINT_LIMITS_RAD: [(f64, f64); JOINTS] = [
 ];
 
 /// What some hardware model of the arm can reach, rad (joint limits in xArm-Python-SDK, other models).
-pub const WIDEST_LIMITS_RAD: [(f64, f64); JOINTS] = [
+pub const WIDEST_LIMITS_RAD: [(f64, f64); ARM_JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
     (-2.059488, 2.094395),
     (-2.0 * PI, 2.0 * PI),
@@ -38,11 +38,11 @@ pub const WIDEST_LIMITS_RAD: [(f64, f64); JOINTS] = [
 ];
 
 /// Where the paper's rig begins and ends, degrees (lasr-lab/learning-to-play-piano).
-pub const PAPER_HOME_DEG: [f64; JOINTS] = [0.0, 10.0, 0.0, 107.3, 180.0, -10.9, -225.0];
+pub const PAPER_HOME_DEG: [f64; ARM_JOINTS] = [0.0, 10.0, 0.0, 107.3, 180.0, -10.9, -225.0];
 
 /// Modified Denavit-Hartenberg rows: angle to the previous axis (rad), distance from it (m), offset along the
 /// own (m) (ufactory_docs, kinematics).
-const LINKS: [(f64, f64, f64); JOINTS] = [
+const LINKS: [(f64, f64, f64); ARM_JOINTS] = [
     (0.0, 0.0, 0.267),
     (-FRAC_PI_2, 0.0, 0.0),
     (FRAC_PI_2, 0.0, 0.293),
@@ -110,14 +110,14 @@ pub enum KinematicsError {
 }
 
 /// The pose of the flange for joints in rad.
-pub fn forward(joints_rad: &[f64; JOINTS]) -> Pose {
+pub fn forward(joints_rad: &[f64; ARM_JOINTS]) -> Pose {
     let mut pose = Pose { position_m: Vector3::zeros(), rotation: Rotation3::identity() };
     walk(joints_rad, |_, link| pose = link);
     pose
 }
 
 /// The Jacobian of [`forward`] for joints in rad.
-pub fn jacobian(joints_rad: &[f64; JOINTS]) -> Jacobian {
+pub fn jacobian(joints_rad: &[f64; ARM_JOINTS]) -> Jacobian {
     forward_and_jacobian(joints_rad).1
 }
 
@@ -126,7 +126,7 @@ pub fn jacobian(joints_rad: &[f64; JOINTS]) -> Jacobian {
 ///
 /// # Errors
 /// If there are none, if they are outside [`JOINT_LIMITS_RAD`], or if the arm is nearly singular there.
-pub fn inverse(target: &Pose, near: &[f64; JOINTS]) -> Result<[f64; JOINTS], KinematicsError> {
+pub fn inverse(target: &Pose, near: &[f64; ARM_JOINTS]) -> Result<[f64; ARM_JOINTS], KinematicsError> {
     let wanted = target.position_m.iter().chain(target.rotation.matrix().iter());
     if !wanted.chain(near).all(|value| value.is_finite()) {
         return Err(KinematicsError::NotFinite);
@@ -146,7 +146,7 @@ pub fn inverse(target: &Pose, near: &[f64; JOINTS]) -> Result<[f64; JOINTS], Kin
         let home = if shift.max(turn) > SETTLED { near - joints } else { SVector::zeros() };
         let damped = jacobian * jacobian.transpose() + Matrix6::identity() * DAMPING;
         let Some(factors) = Cholesky::new(damped) else { break };
-        let step: SVector<f64, JOINTS> =
+        let step: SVector<f64, ARM_JOINTS> =
             home + jacobian.transpose() * factors.solve(&(twist * share - jacobian * home));
         // A step of a rad or more means that the linear picture no longer holds.
         joints += step * (0.5 / step.amax().max(0.5));
@@ -156,7 +156,7 @@ pub fn inverse(target: &Pose, near: &[f64; JOINTS]) -> Result<[f64; JOINTS], Kin
 }
 
 /// Checks that every joint is within its limits; the error names the first that is not.
-pub(crate) fn within_limits(joints_rad: &[f64; JOINTS]) -> Result<(), KinematicsError> {
+pub(crate) fn within_limits(joints_rad: &[f64; ARM_JOINTS]) -> Result<(), KinematicsError> {
     for (index, (&angle_rad, (lowest_rad, highest_rad))) in
         joints_rad.iter().zip(JOINT_LIMITS_RAD).enumerate()
     {
@@ -172,7 +172,7 @@ pub(crate) fn within_limits(joints_rad: &[f64; JOINTS]) -> Result<(), Kinematics
     Ok(())
 }
 
-fn accept(joints: [f64; JOINTS], jacobian: &Jacobian) -> Result<[f64; JOINTS], KinematicsError> {
+fn accept(joints: [f64; ARM_JOINTS], jacobian: &Jacobian) -> Result<[f64; ARM_JOINTS], KinematicsError> {
     within_limits(&joints)?;
     let squares = (jacobian * jacobian.transpose()).symmetric_eigenvalues();
     let singular_value = squares.min().max(0.0).sqrt();
@@ -187,8 +187,8 @@ fn lengths(twist: &Vector6<f64>) -> (f64, f64) {
     (twist.fixed_rows::<3>(0).norm(), twist.fixed_rows::<3>(3).norm())
 }
 
-fn forward_and_jacobian(joints: &[f64; JOINTS]) -> (Pose, Jacobian) {
-    let mut axes = [(Vector3::zeros(), Vector3::zeros()); JOINTS];
+fn forward_and_jacobian(joints: &[f64; ARM_JOINTS]) -> (Pose, Jacobian) {
+    let mut axes = [(Vector3::zeros(), Vector3::zeros()); ARM_JOINTS];
     let mut pose = Pose { position_m: Vector3::zeros(), rotation: Rotation3::identity() };
     walk(joints, |joint, link| {
         axes[joint] = (link.rotation.matrix().column(2).into_owned(), link.position_m);
@@ -204,7 +204,7 @@ fn forward_and_jacobian(joints: &[f64; JOINTS]) -> (Pose, Jacobian) {
 
 /// Calls `visit` with the index and the frame of each link, from the base outwards. The last one is the
 /// flange.
-fn walk(joints: &[f64; JOINTS], mut visit: impl FnMut(usize, Pose)) {
+fn walk(joints: &[f64; ARM_JOINTS], mut visit: impl FnMut(usize, Pose)) {
     let (mut position_m, mut rotation) = (Vector3::zeros(), Matrix3::identity());
     for (index, (angle, (twist, length, offset))) in joints.iter().zip(LINKS).enumerate() {
         let ((sin, cos), (sin_twist, cos_twist)) = (angle.sin_cos(), twist.sin_cos());
@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     /// Points of the slide's path, computed by an independent program: y and z in mm, joints in degrees.
-    const SLIDE_DEG: [(f64, f64, [f64; JOINTS]); 5] = [
+    const SLIDE_DEG: [(f64, f64, [f64; ARM_JOINTS]); 5] = [
         (336.5, 169.0, [23.56, 39.75, 16.95, 74.83, 219.55, 67.36, -255.95]),
         (166.835, 169.755, [11.94, 27.38, 9.63, 56.29, 202.81, 64.28, -240.06]),
         (-2.83, 170.51, [-0.48, 23.04, 0.10, 50.14, 179.56, 62.90, -224.84]),
@@ -239,7 +239,7 @@ mod tests {
         (-336.5, 172.0, [-23.98, 39.28, -16.43, 74.78, 140.13, 66.93, -194.06]),
     ];
 
-    fn radians(degrees: [f64; JOINTS]) -> [f64; JOINTS] {
+    fn radians(degrees: [f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
         degrees.map(f64::to_radians)
     }
 
@@ -249,7 +249,7 @@ mod tests {
     }
 
     /// Travels in a straight line in steps of a millimetre.
-    fn travel(from: (f64, f64), to: (f64, f64), mut joints: [f64; JOINTS]) -> [f64; JOINTS] {
+    fn travel(from: (f64, f64), to: (f64, f64), mut joints: [f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
         let steps = (to.0 - from.0).abs().ceil().max(1.0) as usize;
         for step in 1..=steps {
             let share = step as f64 / steps as f64;
@@ -267,7 +267,7 @@ mod tests {
 
     #[test]
     fn poses_of_an_independent_program() {
-        let zero = forward(&[0.0; JOINTS]);
+        let zero = forward(&[0.0; ARM_JOINTS]);
         close(zero.position_m.as_slice(), &[0.206, 0.0, 0.1205], 1e-12);
         close(&zero.rpy_rad().map(f64::abs), &[PI, 0.0, 0.0], 1e-12);
         let home = forward(&radians(PAPER_HOME_DEG));
@@ -331,12 +331,12 @@ mod tests {
         let refused = inverse(&forward(&bent), &bent).unwrap_err();
         assert!(matches!(refused, KinematicsError::BeyondLimit { joint: 4, .. }), "{refused}");
         // Both shoulder axes in one line, and both wrist axes.
-        bent = [0.0; JOINTS];
+        bent = [0.0; ARM_JOINTS];
         let refused = inverse(&forward(&bent), &bent).unwrap_err();
         assert!(matches!(refused, KinematicsError::NearSingular { .. }), "{refused}");
     }
 
-    fn any_joints() -> impl Strategy<Value = [f64; JOINTS]> {
+    fn any_joints() -> impl Strategy<Value = [f64; ARM_JOINTS]> {
         JOINT_LIMITS_RAD.map(|(lowest, highest)| lowest..highest)
     }
 
@@ -344,7 +344,7 @@ mod tests {
         #[test]
         fn the_jacobian_is_the_derivative(joints in any_joints()) {
             let (pose, jacobian) = forward_and_jacobian(&joints);
-            for joint in 0..JOINTS {
+            for joint in 0..ARM_JOINTS {
                 let mut moved = joints;
                 moved[joint] += 1e-6;
                 let change = pose.twist_to(&forward(&moved)) / 1e-6;

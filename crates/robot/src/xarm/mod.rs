@@ -21,7 +21,7 @@ pub mod tcp;
 
 pub(crate) use driver::largest_turn;
 pub use driver::{Arm, ArmConfig, ArmError, ArmFault, ArmState, ArmVersion, TargetError};
-pub(crate) use fence::way;
+pub(crate) use fence::flange_positions;
 pub use fence::{Fence, OutsideFence};
 pub use stopper::Stopper;
 pub use tcp::{ArmCommands, ArmConnection, ArmLinkError, device};

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::codec::floats;
 use super::framing::Framing;
-use super::kinematics::{JOINTS, WIDEST_LIMITS_RAD};
+use super::kinematics::{ARM_JOINTS, WIDEST_LIMITS_RAD};
 
 /// Time from one report of port 30003 to the next.
 pub(super) const REPORT_PERIOD: Duration = Duration::from_millis(10);
@@ -26,7 +26,7 @@ pub struct Report {
     /// Mode: 0 planned moves, 1 servo, 2 by hand.
     pub mode: u8,
     /// Joints, rad.
-    pub joints_rad: [f32; JOINTS],
+    pub joints_rad: [f32; ARM_JOINTS],
     /// The time at the controller, which only port 30000 gives.
     pub sent_at: Option<Duration>,
 }
@@ -35,7 +35,7 @@ pub struct Report {
 const SLACK_RAD: f64 = 0.2;
 
 /// Whether every reported joint angle is possible.
-fn possible_joints(joints_rad: &[f32; JOINTS]) -> bool {
+fn possible_joints(joints_rad: &[f32; ARM_JOINTS]) -> bool {
     joints_rad.iter().zip(WIDEST_LIMITS_RAD).all(|(angle, (lowest, highest))| {
         (lowest - SLACK_RAD..=highest + SLACK_RAD).contains(&f64::from(*angle))
     })

@@ -100,7 +100,7 @@ fn rehearsal_page(
     let body = html! {
         p {
             "Mode " (config.mode) ", robot " (config.rig)
-            @if let Some(truth) = &config.truth { " (truth " (truth) ")" }
+            @if let Some(twin_params) = &config.twin_params { " (twin parameters " (twin_params) ")" }
             ", preset " (config.preset) ", " (config.runs) " runs a round, seed " (config.seed) ". Round 0 plays what was learned in the \
              default simulator."
             @if let Some(best) = best { " Round " (best.round) " has played best, by the mean of F1 and onset F1"
@@ -223,7 +223,7 @@ mod tests {
         let config = RehearsalConfig {
             song: "<b>&.mid".to_string(),
             rig: "twin".to_string(),
-            truth: Some("worn".to_string()),
+            twin_params: Some("worn".to_string()),
             rounds: 1,
             runs: 1,
             mode: etude_perform::Mode::Real,
@@ -252,7 +252,7 @@ mod tests {
         let page = rehearsal_page(&config, &[shown(0), shown(1)], None).unwrap();
         for part in [
             "&lt;b&gt;&amp;.mid",
-            "truth worn",
+            "twin parameters worn",
             "Round 0 has played best, by the mean of F1 and onset F1: its policy is the one to use.",
             "11 columns: scroll the table sideways.",
             "<summary>Every number that a round has changed: 1</summary>",

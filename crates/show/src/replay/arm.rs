@@ -1,7 +1,7 @@
 //! The arm that carries the hand, as points along its links in the simulator's world.
 
 use etude_perform::Recording;
-use etude_robot::xarm::kinematics::{JOINTS, forward, jacobian};
+use etude_robot::xarm::kinematics::{ARM_JOINTS, forward, jacobian};
 use etude_stage::FLANGE_END;
 use etude_stage::hand::MOUNT;
 use nalgebra::Vector3;
@@ -27,11 +27,11 @@ pub struct Arm {
 /// The arm at the end of each of `steps` control steps; none if the recording has no reports of an
 /// arm.
 pub(super) fn arm(recording: &Recording, steps: usize, control_hz: f64) -> Option<Arm> {
-    let reports: Vec<(f64, [f64; JOINTS], f64)> = recording
+    let reports: Vec<(f64, [f64; ARM_JOINTS], f64)> = recording
         .arm
         .iter()
         .filter_map(|(secs, report)| {
-            let joints = <[f64; JOINTS]>::try_from(report.measured.as_slice()).ok()?;
+            let joints = <[f64; ARM_JOINTS]>::try_from(report.measured.as_slice()).ok()?;
             // At 0 s are also those of the way to the keyboard.
             let counts = *secs > 0.0 && joints.iter().all(|joint| joint.is_finite());
             counts.then_some((*secs, joints, report.rail_m))
@@ -51,11 +51,18 @@ pub(super) fn arm(recording: &Recording, steps: usize, control_hz: f64) -> Optio
     Some(Arm { radii: RADII.to_vec(), points: (0..steps).map(row).collect() })
 }
 
+<<<<<<< HEAD
 /// Where the arm's base stands in the world. The arm looks at the keyboard from the player's side:
 /// its x is the keyboard's -x. The hand's mount gives the rest, in the median of the reports, since
 /// a robot may still come or already leave in some.
 fn place(reports: &[(f64, [f64; JOINTS], f64)]) -> Option<Vector3<f64>> {
     let place = |(_, joints, rail): &(f64, [f64; JOINTS], f64)| {
+=======
+/// Where the arm's base stands in the world. The arm looks at the keyboard from the player's side: its x is the keyboard's -x. The
+/// hand's mount gives the rest, in the median of the reports, since a robot may still come or already leave in some.
+fn place(reports: &[(f64, [f64; ARM_JOINTS], f64)]) -> Option<Vector3<f64>> {
+    let place = |(_, joints, rail): &(f64, [f64; ARM_JOINTS], f64)| {
+>>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
         let flange = Vector3::new(MOUNT[0] - FLANGE_END[2], *rail, MOUNT[1] - FLANGE_END[0]);
         flange - turned(forward(joints).position_m)
     };
@@ -77,10 +84,10 @@ fn turned(point: Vector3<f64>) -> Vector3<f64> {
 type Axis = (Vector3<f64>, Vector3<f64>);
 
 /// Points of the links in the frame of the arm's base.
-fn points(joints: &[f64; JOINTS]) -> [Vector3<f64>; POINTS] {
+fn points(joints: &[f64; ARM_JOINTS]) -> [Vector3<f64>; POINTS] {
     let flange = forward(joints).position_m;
     let jacobian = jacobian(joints);
-    let axes: [Axis; JOINTS] = std::array::from_fn(|joint| {
+    let axes: [Axis; ARM_JOINTS] = std::array::from_fn(|joint| {
         let column = jacobian.column(joint);
         let (speed, axis) = (column.fixed_rows::<3>(0).into_owned(), column.fixed_rows::<3>(3).into_owned());
         // The speed of the flange is axis × (flange − point), of which this leaves the part across

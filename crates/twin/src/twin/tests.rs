@@ -3,14 +3,14 @@ use etude_robot::allegro::{self, DeviceId, Finger, HandMessage, HostMessage, Req
 use etude_stage::geometry::KeyShape;
 use etude_stage::params::WorldRow;
 
-fn twin(truth: &str) -> Twin {
-    Twin::new(&Truth::parse(truth).unwrap(), HandSide::Left).unwrap()
+fn twin(twin_params: &str) -> Twin {
+    Twin::new(&TwinParams::parse(twin_params).unwrap(), HandSide::Left).unwrap()
 }
 
 /// The middle finger bends at its root under this duty, from above the keys: what the keyboard says in half a
 /// second.
-fn strike(truth: &str, pwm: i16) -> Vec<u8> {
-    let mut twin = twin(truth);
+fn strike(twin_params: &str, pwm: i16) -> Vec<u8> {
+    let mut twin = twin(twin_params);
     let pose = twin.world.start_pose();
     twin.world.reset_to(&pose);
     twin.devices.arm.place(*twin.path.middle());
@@ -29,7 +29,7 @@ fn strike(truth: &str, pwm: i16) -> Vec<u8> {
 /// In the paper's home the arm holds the hand clear of the keyboard: without power the fingers hang, and no key sounds.
 #[test]
 fn an_arm_that_is_not_at_the_keys_holds_the_hand_above_them() {
-    let mut twin = Twin::new(&Truth::load("standard").unwrap(), HandSide::Left).unwrap();
+    let mut twin = Twin::new(&TwinParams::load("standard").unwrap(), HandSide::Left).unwrap();
     for _ in 0..2000 {
         twin.step();
     }
@@ -43,7 +43,7 @@ fn an_arm_that_is_not_at_the_keys_holds_the_hand_above_them() {
 
 #[test]
 fn the_world_is_not_the_simulators() {
-    let options = |name: &str| Truth::load(name).unwrap().numbers.options();
+    let options = |name: &str| TwinParams::load(name).unwrap().numbers.options();
     let simulators = etude_stage::ModelOptions::default();
     for name in ["standard", "worn"] {
         let options = options(name);
@@ -94,11 +94,11 @@ fn a_harder_strike_is_louder_on_the_wire() {
 }
 
 /// A finger joint, alone and under a steady duty for 0.2 s: how far it turned, rad.
-fn turned_under(truth: &str, pwm: i16) -> f64 {
+fn turned_under(twin_params: &str, pwm: i16) -> f64 {
     const JOINT: usize = 5;
-    let mut twin = twin(truth);
+    let mut twin = twin(twin_params);
     let before = twin.world.joints()[JOINT];
-    let mut duty = [0; allegro::JOINTS];
+    let mut duty = [0; allegro::WIRE_JOINTS];
     duty[JOINT] = pwm;
     for _ in 0..200 {
         let mut torques = [0.0; DRIVEN_JOINTS];
@@ -152,7 +152,7 @@ fn keys_have_their_own_springs_and_thresholds() {
     let (one, same, other) = (spread(1), spread(1), spread(2));
     assert_eq!(springs(&one), springs(&same));
     assert_ne!(springs(&one), springs(&other));
-    assert!(one.truth.numbers.options().keys.iter().all(|key| key.travel == 1.1));
+    assert!(one.twin_params.numbers.options().keys.iter().all(|key| key.travel == 1.1));
     assert_eq!(one.keys.second, same.keys.second);
     assert_ne!(one.keys.second, other.keys.second);
     let nominal = one.world.params().world(WorldRow::KeyStiffness);
@@ -179,14 +179,14 @@ fn what_the_hand_sends_is_what_its_encoders_read() {
     assert_eq!(counts, [0, allegro::counts_from_rad(0.49), 0, 0]);
 }
 
-/// Full duty, and no friction or damping but the motor's own: the joint's speed is the one in the truth. With friction and viscosity it
+/// Full duty, and no friction or damping but the motor's own: the joint's speed is the one in the twin parameters. With friction and viscosity it
 /// is slower as the textbook says.
 #[test]
-fn a_joint_turns_as_fast_as_its_truth_says() {
+fn a_joint_turns_as_fast_as_its_parameter_set_says() {
     const JOINT: usize = 5;
-    let fastest = |truth: &str| {
-        let mut twin = twin(truth);
-        let mut duty = [0; allegro::JOINTS];
+    let fastest = |twin_params: &str| {
+        let mut twin = twin(twin_params);
+        let mut duty = [0; allegro::WIRE_JOINTS];
         duty[JOINT] = 1200;
         let mut pose = [0.0; DRIVEN_JOINTS];
         // From one stop to the other, away from the keys.
@@ -220,19 +220,19 @@ fn a_joint_turns_as_fast_as_its_truth_says() {
     assert!((measured / expected - 1.0).abs() < 0.03, "{measured} rad/s, not {expected}");
 }
 
-/// Just below its dead band a joint stands, just above it turns; in the truths that ship as in one that is drawn.
+/// Just below its dead band a joint stands, just above it turns; in the parameter sets that ship as in one that is drawn.
 #[test]
 fn a_joint_stands_below_its_dead_band() {
     for name in ["standard", "worn", "random:3"] {
         // Its weight is another matter.
-        let truth = Truth::load(name).unwrap().with("[world]\ngravity = false").unwrap();
+        let twin_params = TwinParams::load(name).unwrap().with("[world]\ngravity = false").unwrap();
         for joint in [0, 1, 5, 10] {
-            let numbers = &truth.numbers;
+            let numbers = &twin_params.numbers;
             let band = numbers.dead_band(&numbers.params().unwrap(), joint);
             let turned = |pwm: f64| {
-                let mut twin = Twin::new(&truth, HandSide::Left).unwrap();
+                let mut twin = Twin::new(&twin_params, HandSide::Left).unwrap();
                 let before = twin.world.joints()[joint];
-                let mut duty = [0; allegro::JOINTS];
+                let mut duty = [0; allegro::WIRE_JOINTS];
                 duty[joint] = pwm as i16;
                 for _ in 0..200 {
                     let mut torques = [0.0; DRIVEN_JOINTS];
@@ -254,9 +254,9 @@ fn a_joint_stands_below_its_dead_band() {
 #[test]
 fn a_torque_crosses_the_play_before_it_slows_the_joint() {
     const JOINT: usize = 5;
-    let reversed = |truth: &str| {
-        let mut twin = twin(truth);
-        let mut duty = [0; allegro::JOINTS];
+    let reversed = |twin_params: &str| {
+        let mut twin = twin(twin_params);
+        let mut duty = [0; allegro::WIRE_JOINTS];
         let mut step = |pwm: i16| {
             duty[JOINT] = pwm;
             let (speeds, drives) = (twin.world.joint_velocities(), &twin.drives);
@@ -280,7 +280,7 @@ fn a_torque_crosses_the_play_before_it_slows_the_joint() {
 
 /// The hand hangs where its arm really is, while the arm's joints say something else.
 #[test]
-fn an_arm_holds_its_hand_where_its_truth_says() {
+fn an_arm_holds_its_hand_where_its_parameter_set_says() {
     let straight = twin("");
     let off = twin("seed = 3\n[arm]\nsag_m = 0.001\nerror_m = 0.0003");
     let tip = |mut twin: Twin, rail: f64| {

@@ -1,4 +1,4 @@
-//! `etude robot check`: brings a robot up, with --wiggle turns each joint of its hand a little, and
+//! `etude robot check`: brings a robot up, with --joints turns each joint of its hand a little, and
 //! prints serial numbers, versions, temperature and position.
 
 use std::sync::atomic::Ordering;
@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use etude_lab::released;
 use etude_perform::session::{Session, rig_choice};
-use etude_robot::{WIGGLED, Wiggled, wiggle};
+use etude_robot::{JOINTS_CHECKED, JointCheck, check_joints};
 use serde_json::json;
 
 use super::Rig;
@@ -20,7 +20,7 @@ pub struct Args {
     /// Also turn each joint of the hand by 0.065 rad and back, one after the other, and check that
     /// it follows; the arm does not move
     #[arg(long)]
-    wiggle: bool,
+    joints: bool,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Ending> {
@@ -30,18 +30,23 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     let fence = choice.missing_fence()?;
     let mut session = choice.open_at_rest(choice.side(), 0)?;
     let held = session.hold(Duration::from_millis(500), &interrupt).map_err(Into::into);
-    let wiggled = held.and_then(|fault| match fault {
-        None if args.wiggle => {
+    let checked = held.and_then(|fault| match fault {
+        None if args.joints => {
             let Session { robot, pace } = &mut session;
-            let found = wiggle(robot, pace, &interrupt)?;
+            let found = check_joints(robot, pace, &interrupt)?;
             Ok((robot.fault().map(ToString::to_string), Some(found)))
         }
         fault => Ok((fault, None)),
     });
-    let (fault, mut wiggled) = released(&mut session, wiggled)?;
+    let (fault, mut checked) = released(&mut session, checked)?;
     let is_stopped = interrupt.load(Ordering::Relaxed);
+<<<<<<< HEAD
     if is_stopped && let Some(found) = &mut wiggled {
         // The joint that was being turned had no time to follow.
+=======
+    if is_stopped && let Some(found) = &mut checked {
+        // The joint that was being turned had no time to arrive.
+>>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
         found.pop_if(|joint| joint.problem().is_some());
     }
     let robot = &session.robot;
@@ -60,7 +65,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         "keyboard": robot.keyboard().state().to_string(),
         "warnings": robot.keyboard().warnings().map(|warning| warning.to_string()).collect::<Vec<_>>(),
         "missing_fence": fence,
-        "wiggle": wiggled.as_deref().map(joints),
+        "joints": checked.as_deref().map(joints),
         "fault": fault,
     });
     if rig.json {
@@ -82,7 +87,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         if let Some(fence) = fence {
             line(format!("fence     none yet; a suitable one for the rig's file, under [arm]: {fence}"))?;
         }
-        for joint in wiggled.iter().flatten() {
+        for joint in checked.iter().flatten() {
             line(format!(
                 "joint {:2}  sent {:+.3} rad, turned {:+.3} rad{}",
                 joint.joint,
@@ -98,7 +103,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         }
         return Ok(Ending::Stopped);
     }
-    let found = wiggled.unwrap_or_default();
+    let found = checked.unwrap_or_default();
     let wrong = found.iter().filter_map(|joint| Some(format!("joint {} {}", joint.joint, joint.problem()?)));
     let wrong: Vec<String> = wrong.collect();
     match fault {
@@ -109,15 +114,15 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         Some(fault) => {
             anyhow::bail!("safety stop: {fault}; remove the cause, then repeat the command")
         }
-        None if args.wiggle && found.len() < WIGGLED => {
-            anyhow::bail!("stopped after {} of {WIGGLED} joints", found.len())
+        None if args.joints && found.len() < JOINTS_CHECKED => {
+            anyhow::bail!("stopped after {} of {JOINTS_CHECKED} joints", found.len())
         }
         None => Ok(Ending::Done),
     }
 }
 
-fn joints(found: &[Wiggled]) -> serde_json::Value {
-    let joint = |joint: &Wiggled| {
+fn joints(found: &[JointCheck]) -> serde_json::Value {
+    let joint = |joint: &JointCheck| {
         json!({
             "joint": joint.joint,
             "sent_rad": joint.sent_rad,

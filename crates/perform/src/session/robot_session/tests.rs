@@ -11,7 +11,7 @@ use etude_robot::Fault;
 use etude_robot::allegro::HandFault;
 use etude_robot::can::{self, CanFrame};
 use etude_robot::rig::{RigConfig, WiresConfig};
-use etude_twin::{ArmPorts, Truth, TwinServer};
+use etude_twin::{ArmPorts, TwinParams, TwinServer};
 
 use super::*;
 use crate::RecordingWriter;
@@ -141,9 +141,9 @@ fn on_a_twin(faults: &[&str], act: impl Fn(&mut Session, &Watch<'_>)) {
     for _ in 0..3 {
         let folder = tempfile::tempdir().unwrap();
         let faults: Vec<_> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
-        let truth = Truth::load("mild").unwrap().with_faults(&faults).unwrap();
+        let twin_params = TwinParams::load("mild").unwrap().with_faults(&faults).unwrap();
         let mut server =
-            TwinServer::open(&truth, &RigConfig::default(), folder.path(), ArmPorts::FREE).unwrap();
+            TwinServer::open(&twin_params, &RigConfig::default(), folder.path(), ArmPorts::FREE).unwrap();
         let path = server.rig().to_path_buf();
         let mut rig = RigConfig::load(&path).unwrap();
         // A machine that is busy with other tests must not look like a fault.
@@ -179,7 +179,7 @@ fn on_a_twin(faults: &[&str], act: impl Fn(&mut Session, &Watch<'_>)) {
                 Ok(()) => false,
             }
         });
-        // The next program knows of the motors' warmth.
+        // The next program knows of the motors' heat.
         let warm = WarmFile::new(&rig.wires).read(Duration::ZERO).joints(Duration::ZERO);
         std::fs::remove_file(file(&can::device(&rig.wires.can), "warm")).unwrap();
         if !was_busy {

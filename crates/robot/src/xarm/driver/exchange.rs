@@ -8,7 +8,7 @@ use super::steps::{self, ArmVersion, MANUAL, SERVO, Step, text};
 use crate::xarm::codec::{
     FEEDBACK, Frame, KEEP_ALIVE_FROM, PROTOCOL_KEEP_ALIVE, PROTOCOL_PRIVATE, Register, ReplyState, STOPPED,
 };
-use crate::xarm::kinematics::JOINTS;
+use crate::xarm::kinematics::ARM_JOINTS;
 
 /// Time between two stop commands until the reports show that the arm has stopped.
 const STOP_AGAIN: Duration = Duration::from_millis(100);
@@ -210,7 +210,7 @@ impl Arm {
         let done = match (step, first) {
             (Step::Version, _) => match ArmVersion::read(params) {
                 None => return self.fail(ArmFault::ProtocolNonsense("its version cannot be read")),
-                Some(version) if usize::from(version.axes) != JOINTS => {
+                Some(version) if usize::from(version.axes) != ARM_JOINTS => {
                     return self.fail(ArmFault::ProtocolNonsense("it has another number of joints"));
                 }
                 Some(version) => {
@@ -307,7 +307,7 @@ fn is_queued(register: Register) -> bool {
 }
 
 /// Joints and three more values, as little-endian floats.
-fn words(joints: &[f64; JOINTS], rest: [f64; 3]) -> [[u8; 4]; JOINTS + 3] {
+fn words(joints: &[f64; ARM_JOINTS], rest: [f64; 3]) -> [[u8; 4]; ARM_JOINTS + 3] {
     let mut values = joints.iter().chain(&rest).map(|&value| (value as f32).to_le_bytes());
     std::array::from_fn(|_| values.next().unwrap_or_default())
 }

@@ -21,7 +21,7 @@ pub use state::Arm;
 pub use steps::ArmVersion;
 
 use super::codec::{FrameParser, Register};
-use super::kinematics::{self, JOINTS, Pose};
+use super::kinematics::{self, ARM_JOINTS, Pose};
 use super::report::{REPORT_PERIOD, Report, ReportParser};
 use super::rhythm::Rhythm;
 pub(crate) use reach::largest_turn;
@@ -71,7 +71,7 @@ impl Arm {
     ///
     /// # Errors
     /// If the arm is not ready. If the target is not allowed: that is a fault, and the arm is stopped.
-    pub fn servo(&mut self, now: Duration, joints_rad: [f64; JOINTS]) -> Result<(), ArmError> {
+    pub fn servo(&mut self, now: Duration, joints_rad: [f64; ARM_JOINTS]) -> Result<(), ArmError> {
         if !matches!(self.phase, Phase::Ready) {
             return Err(ArmError::NotNow(self.state()));
         }
@@ -191,7 +191,7 @@ impl Arm {
     }
 
     /// The joints of the newest report, rad.
-    pub fn joints(&self) -> Option<[f64; JOINTS]> {
+    pub fn joints(&self) -> Option<[f64; ARM_JOINTS]> {
         self.report.map(|(report, _)| report.joints_rad.map(f64::from))
     }
 
@@ -211,7 +211,7 @@ impl Arm {
     }
 
     /// The last target that was sent, rad.
-    pub fn sent(&self) -> Option<[f64; JOINTS]> {
+    pub fn sent(&self) -> Option<[f64; ARM_JOINTS]> {
         self.sent.filter(|sent| sent.at.is_some()).map(|sent| sent.joints)
     }
 

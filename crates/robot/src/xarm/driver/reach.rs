@@ -1,10 +1,10 @@
 //! How far apart two places of the arm are, and whether it can be at one.
 
 use super::fault::TargetError;
-use crate::xarm::kinematics::{self, JOINTS};
+use crate::xarm::kinematics::{self, ARM_JOINTS};
 
 /// The joint (counted from 1) that turns most between two places, and by how much, rad.
-pub(crate) fn largest_turn(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> (usize, f64) {
+pub(crate) fn largest_turn(from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]) -> (usize, f64) {
     let turns = to.iter().zip(from).map(|(to, from)| (to - from).abs());
     turns
         .enumerate()
@@ -12,12 +12,12 @@ pub(crate) fn largest_turn(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> (usize, 
 }
 
 /// Distance between the flange's positions at two places, m.
-pub(super) fn way_m(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
+pub(super) fn way_m(from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]) -> f64 {
     (kinematics::forward(to).position_m - kinematics::forward(from).position_m).norm()
 }
 
 /// Whether the arm can reach these joints.
-pub(super) fn possible(joints: &[f64; JOINTS]) -> Result<(), TargetError> {
+pub(super) fn possible(joints: &[f64; ARM_JOINTS]) -> Result<(), TargetError> {
     if !joints.iter().all(|angle| angle.is_finite()) {
         return Err(TargetError::NotFinite);
     }

@@ -7,7 +7,7 @@ use super::fault::ArmFault;
 use super::steps::{self, ArmVersion, Step};
 use crate::setting::SettingError;
 use crate::xarm::codec::{FrameParser, Register, STOPPED};
-use crate::xarm::kinematics::JOINTS;
+use crate::xarm::kinematics::ARM_JOINTS;
 use crate::xarm::report::{REPORT_PERIOD, Report, ReportParser};
 use crate::xarm::rhythm::Rhythm;
 
@@ -37,7 +37,7 @@ pub struct Arm {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target {
-    pub joints: [f64; JOINTS],
+    pub joints: [f64; ARM_JOINTS],
     /// When it was given or sent; `None` for where the arm was standing.
     pub at: Option<Duration>,
 }

@@ -1,0 +1,242 @@
+//! The controller's cycle: receives, checks for faults, computes set-points and torques, and sends.
+
+use std::time::Duration;
+
+use super::axes::RAIL_AXIS;
+use super::following_error::FollowingError;
+use super::interlock::{Interlock, may_press};
+use super::{Fault, Phase, Record, Robot};
+use crate::allegro::{HandEvent, HandState};
+use crate::can::CanFrame;
+use crate::limiter::Axis;
+use crate::wires::Wires;
+use crate::xarm::ArmState;
+
+/// Time between two releases of a stopped hand: a frame may be lost, and a failed bus may come back.
+const RELEASE_INTERVAL: Duration = Duration::from_millis(100);
+/// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
+const MAX_GAP: Duration = Duration::from_millis(100);
+
+impl Robot {
+    /// Receives what has arrived, computes what is due, and sends it. Call it at least every few milliseconds.
+    pub fn poll(&mut self, now: Duration, wires: &mut dyn Wires) {
+        self.keyboard.receive(now, wires, &mut self.bytes, &mut self.status.journal);
+        if let Err(fault) = self.receive(now, wires) {
+            self.fail_if_used(now, fault, wires);
+        }
+        let gap = now.saturating_sub(self.polled.unwrap_or(now));
+        self.polled = Some(now);
+        let checked = self.check(now, gap).and_then(|()| self.advance(now)).and_then(|()| self.move_arm(now));
+        if let Err(fault) = checked {
+            self.fail(now, fault, wires);
+        }
+        self.update_fault(now);
+        self.bytes.clear();
+        let mut frames = std::mem::take(&mut self.frames);
+        frames.clear();
+        self.has_new_angles |= self.hand.poll(now, &mut frames) == HandEvent::Positions;
+        if std::mem::take(&mut self.has_new_angles) {
+            self.drive(now, &mut frames);
+        }
+        if self.status.is_released() && now.saturating_sub(self.status.released_at) >= RELEASE_INTERVAL {
+            self.status.released_at = now;
+            if self.status.is_observed(now) {
+                self.hand.release(now, &mut frames);
+            } else {
+                self.hand.stop(now, &mut frames);
+            }
+        }
+        self.frames = frames;
+        self.rail_arm.arm.poll(now, &mut self.bytes);
+        if let Err(fault) = self.send(wires) {
+            self.fail_if_used(now, fault, wires);
+        }
+    }
+
+    /// Receives all frames before torques are computed, once and from the newest angles. After a late poll, torques from
+    /// older periods would be computed from outdated angles.
+    fn receive(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
+        let arm = self.receive_arm(now, wires);
+        while let Some(frame) = wires.next_frame()? {
+            self.has_new_angles |= self.hand.receive(now, &frame) == HandEvent::Positions;
+        }
+        arm
+    }
+
+    fn receive_arm(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
+        let report = self.rail_arm.receive(now, wires, &self.status, &mut self.bytes)?;
+        let Some(report) = report else { return Ok(()) };
+        let sent = self.rail_arm.arm.sent();
+        if self.status.is_live() {
+            if self.rail_arm.is_on_path() && sent.is_some() {
+                let rail_m = self.set_points.rail().position();
+                self.plausibility.arm(now, &report.joints, &report.place, rail_m);
+            } else if let Some(sent) = self.rail_arm.sent_elsewhere() {
+                let on_its_path = self.motion.has_arm_path();
+                self.plausibility.arm_elsewhere(now, &report.joints, &sent, on_its_path);
+            }
+        }
+        let rail_m = report.place.rail_m;
+        self.status.journal.push(Record::Arm { at: now, measured: report.joints, sent, rail_m });
+        Ok(())
+    }
+
+    /// The fault that is present now, if any.
+    fn check(&self, now: Duration, gap: Duration) -> Result<(), Fault> {
+        if !self.status.is_used() {
+            return Ok(());
+        }
+        if let HandState::Fault(fault) = self.hand.state() {
+            return Err(fault.into());
+        }
+        if let ArmState::Fault(fault) = self.rail_arm.arm.state() {
+            return Err(fault.into());
+        }
+        if let Some(lost) = self.keyboard.lost() {
+            return Err(lost);
+        }
+        if !self.status.is_live() {
+            return Ok(());
+        }
+        if gap > MAX_GAP {
+            return Err(Fault::Stalled { gap });
+        }
+        if let Some((joint, by_rad)) = self.following_error.found() {
+            return Err(Fault::NotFollowing { joint, by_rad });
+        }
+        if let Some(implausible) = self.plausibility.found() {
+            return Err(implausible.clone().into());
+        }
+        if self.phase() == Phase::Following {
+            self.motion.check_age(now, self.config.limits.stale_command_secs)?;
+        }
+        Ok(())
+    }
+
+    /// Phases that end by themselves, and the set-points that are due.
+    fn advance(&mut self, now: Duration) -> Result<(), Fault> {
+        if self.phase() == Phase::Starting {
+            if self.hand.state() == HandState::Ready && self.rail_arm.arm.state() == ArmState::Ready {
+                self.rail_arm.check_serial()?;
+                self.keyboard.check_present()?;
+                self.settle(now)?;
+                self.status.enter(now, Phase::Holding);
+            }
+            return Ok(());
+        }
+        if !self.status.is_live() {
+            return Ok(());
+        }
+        self.advance_plan(now)?;
+        while let Some(at) = self.set_points.next_due(now) {
+            let asked = self.motion.asked(at, &self.config.limits.thumb_rad);
+            let held = self.interlock().holds_rail(self.set_points.rail(), &self.rail_arm);
+            self.status.journal.push(self.set_points.step(asked, held));
+        }
+        Ok(())
+    }
+
+    fn interlock(&self) -> Interlock {
+        Interlock::new(&self.hand, &self.keyboard.keyboard, self.config.limits.key_down_rail_velocity)
+    }
+
+    /// Begins to hold still where the robot stands.
+    fn settle(&mut self, now: Duration) -> Result<(), Fault> {
+        let place = self.place();
+        let hand = self.hand.positions();
+        let measured = std::array::from_fn(|axis| hand.get(axis).copied().unwrap_or(place.rail_m));
+        let outside = self.set_points.settle(now, measured)?;
+        self.rail_arm.settle(now, &place, outside[RAIL_AXIS], self.set_points.rail().position())?;
+        self.following_error = FollowingError::default();
+        self.plausibility.begin_anew();
+        Ok(())
+    }
+
+    /// Gives the arm the next target if it can be sent now.
+    fn move_arm(&mut self, now: Duration) -> Result<(), Fault> {
+        if !self.status.is_live() || !self.rail_arm.arm.takes_target(now) {
+            return Ok(());
+        }
+        let has_paused = self.rail_arm.has_paused(now, &self.config.arm);
+        if let Some(path) = self.motion.arm_path() {
+            let joints = path.next(now, has_paused)?;
+            return Ok(self.rail_arm.arm.servo(now, joints)?);
+        }
+        let easing = (self.set_points.easing.left(now)[RAIL_AXIS], self.set_points.easing.share(now));
+        let interlock = self.interlock();
+        let brakes = |rail: &Axis| interlock.drags(rail);
+        self.rail_arm.follow_rail(now, has_paused, self.set_points.rail().position(), easing, brakes)
+    }
+
+    /// One period of the joint loop.
+    fn drive(&mut self, now: Duration, frames: &mut Vec<CanFrame>) {
+        let at = self.hand.positions_at().unwrap_or(now);
+        let positions = self.hand.positions();
+        if !self.status.is_live() {
+            if self.phase() == Phase::Starting || self.status.is_observed(now) {
+                self.status.journal.push(Record::Idle { at, positions });
+            }
+            return;
+        }
+        let reference = self.set_points.reference(now);
+        self.following_error.take(at, &positions, &reference, &self.config.limits);
+        let wanted = self.joint_loop.pwm(at, &positions, &reference, self.rail_arm.palm_down());
+        let pwm = self.hand.torque(now, &wanted, frames);
+        let may_press = may_press(&positions, self.rail_arm.is_on_path());
+        self.plausibility.hand(at, &positions, &reference, &pwm, may_press);
+        self.status.journal.push(Record::Hand { at, positions, reference, wanted, pwm });
+    }
+
+    fn send(&self, wires: &mut dyn Wires) -> Result<(), Fault> {
+        // A failed connection must not keep the other from being used.
+        let frames = self.frames.iter().try_for_each(|frame| wires.send_frame(*frame));
+        if !self.bytes.is_empty() {
+            wires.send_arm(&self.bytes)?;
+        }
+        Ok(frames?)
+    }
+
+    /// A lost connection is a fault only while the robot is in use.
+    fn fail_if_used(&mut self, now: Duration, fault: Fault, wires: &mut dyn Wires) {
+        if self.status.is_used() {
+            self.fail(now, fault, wires);
+        }
+    }
+
+    fn fail(&mut self, now: Duration, fault: Fault, wires: &mut dyn Wires) {
+        if self.phase() == Phase::Fault {
+            return;
+        }
+        self.status.note(now, "fault", fault.to_string());
+        self.release(now, wires);
+        self.status.fault = Some(fault);
+        self.status.enter(now, Phase::Fault);
+    }
+
+    /// Updates the fault when the arm has reported the number of its error, which is requested after the stop.
+    fn update_fault(&mut self, now: Duration) {
+        if let (Some(Fault::Arm(reported)), ArmState::Fault(known)) =
+            (&mut self.status.fault, self.rail_arm.arm.state())
+            && *reported != known
+        {
+            *reported = known;
+            self.status.note(now, "fault", Fault::Arm(known).to_string());
+        }
+    }
+
+    /// Zero torque and servo off for the hand, state 4 for the arm; errors of the connections are ignored.
+    pub(super) fn release(&mut self, now: Duration, wires: &mut dyn Wires) {
+        self.status.released_at = now;
+        self.status.first_released_at.get_or_insert(now);
+        self.frames.clear();
+        self.bytes.clear();
+        self.hand.release(now, &mut self.frames);
+        self.rail_arm.arm.stop(now, &mut self.bytes);
+        // A failed connection must not keep the other device from being stopped.
+        for frame in &self.frames {
+            let _ = wires.send_frame(*frame);
+        }
+        let _ = wires.send_arm(&self.bytes);
+        self.motion.clear();
+    }
+}
