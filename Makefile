@@ -1,4 +1,4 @@
-# Étude's two commands: `make demo` sets up, learns a song and plays it; `make test` sets up and runs every check.
+# Étude's two commands: `make demo` sets up, learns a song and plays it; `make test` sets up and runs the tests.
 
 CARGO ?= cargo
 PYTHON ?= python3
@@ -8,11 +8,12 @@ MINUTES ?= 10
 SONG ?= twinkle
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo wheel test test-heavy test-sb3 test-kernel fuzz bench book clean-runs
+.PHONY: help setup build demo wheel lint test test-heavy test-sb3 test-kernel fuzz bench book clean-runs
 
 help:
 	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say which page to open"
-	@echo "make test    set up and run every check: format, lints, docs, tests, checks against other libraries"
+	@echo "make test    set up and run the tests, those against other libraries too"
+	@echo "make lint    format, lints, the code's own documentation, links, circles between files"
 	@echo "make setup   fetch MuJoCo into .mujoco/ and say what is missing"
 	@echo "make build   the etude command, optimised, at $(ETUDE), and its manual pages in target/man"
 	@echo "make wheel   the Python package as a wheel in target/wheels"
@@ -46,14 +47,16 @@ demo: build
 	$(ETUDE) play $(SONG) --policy runs/demo-$(SONG) --out out/demo-$(SONG)
 	$(ETUDE) replay out/demo-$(SONG)
 
-test: setup
+lint: setup
 	$(CARGO) fmt --all --check
+	$(PYTHON) scripts/check_imports.py
+	$(PYTHON) scripts/check_links.py docs README.md ARCHITECTURE.md
 	@if pkg-config --exists alsa 2>/dev/null; then hardware="--features etude/hardware"; \
 	else echo "not checked: --features hardware (Debian, Ubuntu: apt-get install -y pkg-config libasound2-dev)"; fi; \
 	set -x; $(CARGO) clippy --workspace --all-targets $$hardware --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked --quiet
-	$(PYTHON) scripts/check_links.py docs README.md ARCHITECTURE.md
-	$(PYTHON) scripts/tables.py check
+
+test: setup
 	$(PYTHON) scripts/python_packages.py
 	@if command -v npm >/dev/null; then set -x; cd viewer && npm ci --no-audit --no-fund --loglevel=error; \
 	else echo "not checked: the pages in a browser (Debian, Ubuntu: apt-get install -y nodejs npm chromium)"; fi
