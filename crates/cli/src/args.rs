@@ -39,8 +39,8 @@ pub fn song() -> NameOrPath {
     NameOrPath(|| etude_music::repertoire::ids().collect())
 }
 
-pub fn truth() -> NameOrPath {
-    NameOrPath(|| etude_twin::Truth::names().into_iter().chain(["random:"]).collect())
+pub fn twin_params() -> NameOrPath {
+    NameOrPath(|| etude_twin::TwinParams::names().into_iter().chain(["random:"]).collect())
 }
 
 /// The layers of a configuration.

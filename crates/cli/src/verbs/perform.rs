@@ -59,16 +59,10 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-<<<<<<< HEAD
-    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`,
     /// `random:SEED`, or a file
-    #[arg(long, default_value = DEFAULT_TRUTH, value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
-    truth: String,
-=======
-    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
-    #[arg(long, default_value = DEFAULT_TWIN_PARAMS, value_name = "NAME|random:SEED|FILE", value_parser = super::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    #[arg(long, default_value = DEFAULT_TWIN_PARAMS, value_name = "NAME|random:SEED|FILE", value_parser = args::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     twin_params: String,
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     /// Inject a fault into the twin, as in `etude twin`; starting and homing take some ten seconds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
     faults: Vec<OrderedFault>,

@@ -30,20 +30,12 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-<<<<<<< HEAD
-    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`,
     /// `random:SEED`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
-    truth: String,
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    twin_params: String,
     /// The motion: `open-close`, `chirp`, `rail` or `keys` to fit the simulator, `held-out` to test
     /// a fit
-=======
-    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
-    twin_params: String,
-    /// Move the joints so that a simulator can be fitted to them: `open-close`, `chirp`, `rail`, `keys`, or `held-out`
-    /// to try a fit on
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     #[arg(long, value_name = "NAME", conflicts_with = "secs")]
     excitation: Option<Excitation>,
     /// Added to the seed of the twin parameters

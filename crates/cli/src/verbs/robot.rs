@@ -173,13 +173,8 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     // `etude doctor` reports where this is not permitted.
     let _priority = Priority::of_this_thread(Rank::Controller).ok();
     let mut operator = Operator { guard, claim, entered: enter(), interrupt: stop_flag()? };
-<<<<<<< HEAD
-    let shown = show(&rig, args.by_hand, &mut operator)?;
-    // The arm has confirmed that it is at rest.
-=======
     let shown = read_pose(&rig, args.by_hand, &mut operator)?;
-    // The arm has confirmed that it stands still.
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
+    // The arm has confirmed that it is at rest.
     operator.guard.farewell();
     if operator.interrupt.load(Ordering::Relaxed) {
         return Ok(Ending::Stopped);

@@ -28,16 +28,10 @@ Examples:
   etude perform twinkle --robot out/twin/twin.toml --home
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
-<<<<<<< HEAD
-    /// Its truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`,
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`,
     /// `random:SEED`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
-    truth: String,
-=======
-    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     twin_params: String,
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     /// Inject a fault; may be repeated. An unknown KIND lists all kinds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
     faults: Vec<OrderedFault>,

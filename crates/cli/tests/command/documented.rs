@@ -232,15 +232,10 @@ fn a_piece_with_dynamics_is_played_soft_and_loud() {
     assert!(played(&report, "velocity_correlation") >= 0.8, "{report}");
     assert!(played(&report, "matched") >= 53.0 && played(&report, "f1") >= 0.95, "{report}");
     let asked = format!("{} --policy {} -o out --json", song.display(), policy.display());
-<<<<<<< HEAD
-    for truth in ["mild", "standard"] {
-        let report = Sandbox::new().json(&format!("perform {asked} --robot twin --twin-params {truth}"));
-        assert!(played(&report["runs"][0], "velocity_correlation") >= 0.6, "{truth}: {report}");
-=======
     for twin_params in ["mild", "standard"] {
-        let report = Desk::new().json(&format!("perform {asked} --robot twin --twin-params {twin_params}"));
+        let report =
+            Sandbox::new().json(&format!("perform {asked} --robot twin --twin-params {twin_params}"));
         assert!(played(&report["runs"][0], "velocity_correlation") >= 0.6, "{twin_params}: {report}");
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     }
 }
 

@@ -22,15 +22,9 @@ fn interrupt_at(mut command: Command, file: &std::path::Path, signal: &str) -> O
 
 #[test]
 fn the_rail_is_identified_from_its_excitation_and_an_interruption_changes_nothing() {
-<<<<<<< HEAD
     let sandbox = Sandbox::new();
     sandbox.ok("record --robot twin --twin-params worn --excitation rail -o rail.mcap");
     sandbox.ok("record --robot twin --twin-params worn --excitation rail --seed 1 -o again.mcap");
-=======
-    let desk = Desk::new();
-    desk.ok("record --robot twin --twin-params worn --excitation rail -o rail.mcap");
-    desk.ok("record --robot twin --twin-params worn --excitation rail --seed 1 -o again.mcap");
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     let identify =
         |out: &str| format!("identify rail.mcap --held-out again.mcap --evaluations 30 -o {out} --json");
     let report = sandbox.json(&identify("a"));
@@ -165,15 +159,9 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
 fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     let sandbox = Sandbox::new();
     let rehearse = |out: &str| {
-<<<<<<< HEAD
         let rest = "--twin-params worn --rounds 0 --runs 2 --set task.plan.latency_compensation_secs=0.08";
         let mut command = sandbox.command(&format!("rehearse twinkle --robot twin {rest} --json"));
         command.current_dir(sandbox.path(out)).args(["-o", "there"]);
-=======
-        let rest = "--twin-params worn --rounds 0 --runs 2 --set task.plan.latency_compensation_secs=0.08";
-        let mut command = desk.command(&format!("rehearse twinkle --robot twin {rest} --json"));
-        command.current_dir(desk.path(out)).args(["-o", "there"]);
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
         command
     };
     let adapt = |out: &str| {
@@ -232,15 +220,9 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     assert!(errors(&other).contains("another"), "{}", errors(&other));
 
     let perform = |song: &str, rest: &str| {
-<<<<<<< HEAD
-        let truth = if rest.contains("--twin-params") { "" } else { "--twin-params worn" };
-        let line = format!("perform {song} {truth} --correction {correction} --json {rest}");
-        let output = sandbox.command(&line).current_dir(sandbox.path("a")).output().unwrap();
-=======
         let twin_params = if rest.contains("--twin-params") { "" } else { "--twin-params worn" };
         let line = format!("perform {song} {twin_params} --correction {correction} --json {rest}");
-        let output = desk.command(&line).current_dir(desk.path("a")).output().unwrap();
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
+        let output = sandbox.command(&line).current_dir(sandbox.path("a")).output().unwrap();
         (serde_json::from_slice::<Value>(&output.stdout).unwrap_or_default(), errors(&output))
     };
     let (again, said) = perform("twinkle", "");

@@ -14,82 +14,8 @@ use etude_robot::rig::RigConfig;
 use serde_json::Value;
 
 use crate::processes::{self, children_of, with_arguments};
-<<<<<<< HEAD
 use crate::served_twin::{Served, is_safe};
 use crate::{Sandbox, errors, wait_for};
-=======
-use crate::{Desk, errors, wait_for};
-
-/// A twin in a process of its own.
-pub struct Served {
-    process: Child,
-    pub rig: PathBuf,
-    _alone: MutexGuard<'static, ()>,
-}
-
-/// By the wall clock, one robot at a time: several at once are late on a small machine.
-static ALONE: Mutex<()> = Mutex::new(());
-
-impl Served {
-    pub fn start(desk: &Desk) -> Self {
-        Self::with_fault(desk, None)
-    }
-
-    fn with_fault(desk: &Desk, fault: Option<&str>) -> Self {
-        let fault = fault.map_or_else(String::new, |fault| format!(" --fault {fault}"));
-        Self::of(desk, &format!("twin -o twin --twin-params mild{fault}"))
-    }
-
-    /// What `etude` with `args` serves.
-    pub fn of(desk: &Desk, args: &str) -> Self {
-        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut command = desk.command(args);
-        let command = command.arg("--json").stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut process = command.spawn().unwrap();
-        let mut line = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let ready: Value = serde_json::from_str(&line).unwrap();
-        let rig = PathBuf::from(ready["rig"].as_str().unwrap());
-        // A busy machine must not fail the test: what is waited for here is the stop, not the fault.
-        let text = std::fs::read_to_string(&rig).unwrap();
-        let text = text.replace("stale_after_secs = 0.05", "stale_after_secs = 0.1");
-        std::fs::write(&rig, text.replace("report_stale_after_secs = 0.1", "report_stale_after_secs = 1.0"))
-            .unwrap();
-        Self { process, rig, _alone: alone }
-    }
-
-    /// What the monitor saw last.
-    fn last_line(&self, desk: &Desk) -> Value {
-        let until = Instant::now() + Duration::from_secs(20);
-        loop {
-            let text = desk.ok(&format!("robot monitor --robot {} --secs 0.7 --json", self.rig.display()));
-            // On a busy machine it may end before it has seen anything.
-            if let Some(last) = text.lines().last() {
-                return serde_json::from_str(last).unwrap();
-            }
-            assert!(Instant::now() < until, "the monitor never saw anything");
-        }
-    }
-
-    /// Servo of the hand, state of the arm.
-    fn seen(&self, desk: &Desk) -> (Value, Value) {
-        let last = self.last_line(desk);
-        (last["hand"]["servo_on"].clone(), last["arm"]["state"].clone())
-    }
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-/// Servo off and state 4.
-fn is_safe((servo_on, state): (Value, Value)) -> bool {
-    servo_on == false && state == 4
-}
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
 
 #[test]
 fn however_a_controller_ends_the_robot_is_let_go() {
@@ -337,39 +263,23 @@ fn a_hand_that_does_not_answer_is_not_called_stopped() {
 
 #[test]
 fn a_small_turn_of_each_joint_finds_the_wrong_one() {
-<<<<<<< HEAD
     let sandbox = Sandbox::new();
     let sound = sandbox.json("robot check --robot twin --joints --json");
-    let joints = sound["wiggle"].as_array().unwrap();
-=======
-    let desk = Desk::new();
-    let sound = desk.json("robot check --robot twin --joints --json");
     let joints = sound["joints"].as_array().unwrap();
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     assert_eq!(joints.len(), 16);
     assert!(joints.iter().all(|joint| joint["problem"].is_null()), "{sound}");
     for (fault, joint, what) in
         [("joint-reversed=5@0", 5, "wrong direction"), ("joint-dead=9@0", 9, "did not turn")]
     {
-<<<<<<< HEAD
         let twin = Served::with_fault(&sandbox, Some(fault));
         let check = sandbox.command(&format!("robot check --robot {} --joints --json", twin.rig.display()));
-=======
-        let twin = Served::with_fault(&desk, Some(fault));
-        let check = desk.command(&format!("robot check --robot {} --joints --json", twin.rig.display()));
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
         let check = { check }.output().unwrap();
         let said = errors(&check);
         assert_eq!(check.status.code(), Some(1), "{said}");
         assert!(said.contains(&format!("joint {joint} ")) && said.contains(what), "{said}");
         let told: Value = serde_json::from_slice(&check.stdout).unwrap();
-<<<<<<< HEAD
-        assert!(told["wiggle"][joint]["problem"].as_str().unwrap().contains(what), "{told}");
-        assert!(is_safe(twin.seen(&sandbox)), "{fault}");
-=======
         assert!(told["joints"][joint]["problem"].as_str().unwrap().contains(what), "{told}");
-        assert!(is_safe(twin.seen(&desk)), "{fault}");
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
+        assert!(is_safe(twin.seen(&sandbox)), "{fault}");
     }
 }
 
@@ -418,13 +328,8 @@ fn a_release_that_is_not_confirmed_does_not_hide_its_cause() {
         assert!(output.status.code() == Some(1) && says_both(&said), "{command}: {said}");
         assert_eq!(twin.seen(&sandbox).1, 4, "{command}: the arm");
     }
-<<<<<<< HEAD
     let record = sandbox.command("record --robot twin --twin-params off.toml --secs 20 -o r.mcap");
     std::fs::write(sandbox.path("off.toml"), "[[faults]]\nkind = \"can-bus-off\"\nat_secs = 14.0\n").unwrap();
-=======
-    let record = desk.command("record --robot twin --twin-params off.toml --secs 20 -o r.mcap");
-    std::fs::write(desk.path("off.toml"), "[[faults]]\nkind = \"can-bus-off\"\nat_secs = 14.0\n").unwrap();
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
     let output = { record }.output().unwrap();
     let said = errors(&output);
     assert!(output.status.code() == Some(1) && says_both(&said), "record: {said}");

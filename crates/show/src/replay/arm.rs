@@ -51,18 +51,11 @@ pub(super) fn arm(recording: &Recording, steps: usize, control_hz: f64) -> Optio
     Some(Arm { radii: RADII.to_vec(), points: (0..steps).map(row).collect() })
 }
 
-<<<<<<< HEAD
 /// Where the arm's base stands in the world. The arm looks at the keyboard from the player's side:
 /// its x is the keyboard's -x. The hand's mount gives the rest, in the median of the reports, since
 /// a robot may still come or already leave in some.
-fn place(reports: &[(f64, [f64; JOINTS], f64)]) -> Option<Vector3<f64>> {
-    let place = |(_, joints, rail): &(f64, [f64; JOINTS], f64)| {
-=======
-/// Where the arm's base stands in the world. The arm looks at the keyboard from the player's side: its x is the keyboard's -x. The
-/// hand's mount gives the rest, in the median of the reports, since a robot may still come or already leave in some.
 fn place(reports: &[(f64, [f64; ARM_JOINTS], f64)]) -> Option<Vector3<f64>> {
     let place = |(_, joints, rail): &(f64, [f64; ARM_JOINTS], f64)| {
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
         let flange = Vector3::new(MOUNT[0] - FLANGE_END[2], *rail, MOUNT[1] - FLANGE_END[0]);
         flange - turned(forward(joints).position_m)
     };

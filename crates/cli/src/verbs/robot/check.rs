@@ -40,13 +40,8 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     });
     let (fault, mut checked) = released(&mut session, checked)?;
     let is_stopped = interrupt.load(Ordering::Relaxed);
-<<<<<<< HEAD
-    if is_stopped && let Some(found) = &mut wiggled {
-        // The joint that was being turned had no time to follow.
-=======
     if is_stopped && let Some(found) = &mut checked {
-        // The joint that was being turned had no time to arrive.
->>>>>>> f7edce8 (robot, emulators, twin: the field's names, Robot in parts, tests with their crate, no circles)
+        // The joint that was being turned had no time to follow.
         found.pop_if(|joint| joint.problem().is_some());
     }
     let robot = &session.robot;
