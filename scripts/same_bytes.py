@@ -65,6 +65,11 @@ def run(program: Path, arguments: list[str]):
         sys.exit(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
 
 
+def recording_in(folder: Path) -> Path:
+    """The one recording of a performance, in whichever folder below."""
+    return next(folder.rglob("*.mcap"))
+
+
 def differences(name: str, before: list, after: list):
     for index, (a, b) in enumerate(zip(before, after)):
         if a != b:
@@ -91,10 +96,10 @@ def main():
                     out = Path(scratch) / which / song / mode
                     if mode == "simulation":
                         run(program, ["play", song, *policy, "-o", str(out)])
-                        found[which] = messages(out / "recording.mcap")
+                        found[which] = messages(recording_in(out))
                     else:
                         run(program, ["perform", song, *policy, "--robot", "twin", "--mode", mode, "-o", str(out)])
-                        found[which] = messages(out / "run-1.mcap")
+                        found[which] = messages(recording_in(out))
                 difference = differences(f"{song}, {mode}", found["before"], found["after"])
                 wrong += [difference] if difference else []
                 same += not difference

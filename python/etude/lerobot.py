@@ -1,6 +1,6 @@
 """Recordings as a LeRobot dataset (layout v3.0); needs `mcap`, `pandas` and `pyarrow`.
 
-    python -m etude.lerobot out/twinkle/recording.mcap … -o dataset
+    python -m etude.lerobot out/twinkle … -o dataset
 
 An episode is a recording, a frame a control step. `observation.state` are the joints as the step began, `observation.keys` the keys
 that sounded then, `observation.due` those due in it, `action` the targets that were chosen, `next.reward` what the step

@@ -14,7 +14,7 @@ from safetensors import SafetensorError, safe_open
 
 from ._native import EtudeError, Task
 
-SCHEMA = "etude-policy-1"
+SCHEMA = "etude-policy-2"
 SHIPPED = pathlib.Path(__file__).parent / "policies"
 SIGHT_READER = SHIPPED / "sight-reader.safetensors"
 MIDI = (".mid", ".midi")
@@ -69,10 +69,7 @@ class Policy:
 
     @property
     def task(self) -> dict[str, Any]:
-        """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training, without randomness.
-
-        Reward terms and settings of earlier builds that say how the policy learned, and not how it plays, are left out.
-        """
+        """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training, without randomness."""
         try:
             trained = self.header["notes"]["training"]["config"]["task"]
         except (KeyError, TypeError) as error:

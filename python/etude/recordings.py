@@ -121,13 +121,29 @@ def _column(values: list[Any]) -> NDArray[Any]:
     return objects
 
 
+def _recording_in(folder: pathlib.Path) -> pathlib.Path:
+    """The recording in a folder; of numbered results in the latest."""
+    latest = folder / "latest"
+    found = sorted((latest.resolve() if latest.is_dir() else folder).glob("*.mcap"))
+    if not found:
+        raise EtudeError(f"there is no recording in {folder}: `etude play`, `perform` and `record` make them (*.mcap)")
+    if len(found) > 1:
+        raise EtudeError(f"{folder} has {len(found)} recordings; name one of them: {', '.join(map(str, found))}")
+    return found[0]
+
+
 def read_recording(path: str | os.PathLike[str]) -> Recording:
     """Reads a recording; one that was cut short, as far as it goes.
+
+    Args:
+        path: The file, or a folder with one recording; of numbered results the latest is read.
 
     Raises:
         EtudeError: If it is not a recording of Étude.
     """
     path = pathlib.Path(path)
+    if path.is_dir():
+        path = _recording_in(path)
     messages: dict[str, list[dict[str, Any]]] = {}
     times: dict[str, list[float]] = {}
     channels: dict[int, str] = {}

@@ -56,10 +56,10 @@ impl Task {
         Ok(Self(serde_json::from_str(text).map_err(error)?))
     }
 
-    /// From the JSON that is stored with a policy of this or an earlier build, without randomness.
+    /// From the JSON that is stored with a policy, without randomness.
     #[staticmethod]
     fn stored(text: &str) -> PyResult<Self> {
-        let stored = TaskConfig::stored(serde_json::from_str(text).map_err(error)?).map_err(error)?;
+        let stored: TaskConfig = serde_json::from_str(text).map_err(error)?;
         Ok(Self(stored.without_randomness()))
     }
 

@@ -28,7 +28,7 @@ def promised(info):
 
 
 def test_a_dataset_holds_what_was_played(played, tmp_path):
-    path = played / "recording.mcap"
+    path = played / "latest" / "recording.mcap"
     folder = export_dataset([path, path], tmp_path / "set")
     recording = read_recording(path)
     info = json.loads((folder / "meta/info.json").read_text())
@@ -68,7 +68,7 @@ def test_a_dataset_holds_what_was_played(played, tmp_path):
 
 
 def test_of_half_a_recording_what_is_whole_is_written(played, tmp_path):
-    whole = (played / "recording.mcap").read_bytes()
+    whole = (played / "latest" / "recording.mcap").read_bytes()
     frames = set()
     for share in (0.5, 0.7, 0.9):
         (tmp_path / "half.mcap").write_bytes(whole[: int(share * len(whole))])
@@ -89,7 +89,7 @@ def test_files_are_full_before_they_are_too_large():
 
 def test_whole_or_not_at_all(played, tmp_path):
     (tmp_path / "there").mkdir()
-    path = str(played / "recording.mcap")
+    path = str(played / "latest" / "recording.mcap")
     with pytest.raises(etude.EtudeError, match="already"):
         export_dataset([path], tmp_path / "there")
     with pytest.raises(etude.EtudeError, match="no recording"):

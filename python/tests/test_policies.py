@@ -43,14 +43,14 @@ def song(tmp_path_factory):
 def test_the_sight_reader_plays_what_has_no_policy_of_its_own(song, tmp_path):
     policy = etude.load_policy(song)
     assert policy.path == SIGHT_READER and policy.song is None
-    told = json.loads((etude_command(tmp_path / "played", "play", song) / "report.json").read_text())
+    told = json.loads((etude_command(tmp_path / "played", "play", song) / "latest" / "report.json").read_text())
     assert told["player"].endswith(SIGHT_READER.name) and told["f1"] > 0.8
     assert play(policy, song)["f1"] == pytest.approx(told["f1"], abs=0.02)
 
 
 def test_it_acts_as_the_command_does_on_what_it_sees_of_a_robot(song, tmp_path):
     performed = etude_command(tmp_path / "performed", "perform", song, "--robot", "twin")
-    seen = read_recording(performed / "run-1.mcap").topics["/policy"]
+    seen = read_recording(performed / "latest" / "run-1.mcap").topics["/policy"]
     observations, actions = seen["observation"], seen["action"]
     assert observations.shape[0] > 300 and np.ptp(actions, axis=0).min() > 0.1
     np.testing.assert_allclose(etude.load_policy(song).act(observations), actions, atol=1e-5)

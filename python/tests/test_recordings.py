@@ -11,8 +11,8 @@ from etude.recordings import read_recording
 
 
 def test_it_is_what_the_command_says(played):
-    recording = read_recording(played / "recording.mcap")
-    report = json.loads((played / "report.json").read_text())
+    recording = read_recording(played / "latest" / "recording.mcap")
+    report = json.loads((played / "latest" / "report.json").read_text())
     assert recording.incomplete is None and len(recording) == report["steps"] == len(recording.due)
     for field in ("targets", "positions", "velocities", "torques"):
         assert recording[field].shape == (len(recording), 13)
@@ -23,9 +23,22 @@ def test_it_is_what_the_command_says(played):
     np.testing.assert_allclose(np.diff(recording["log_secs"]), 0.05, atol=1e-6)
 
 
+def test_a_folder_means_its_latest_result(played, performed, tmp_path):
+    whole = (played / "1" / "recording.mcap").read_bytes()
+    for folder in (played, played / "1", played / "latest"):
+        assert read_recording(folder).header["rig"] == "simulation"
+    assert read_recording(performed).header["activity"]["kind"] == "mode"
+    with pytest.raises(etude.EtudeError, match="no recording in"):
+        read_recording(tmp_path)
+    for name in ("a.mcap", "b.mcap"):
+        (tmp_path / name).write_bytes(whole)
+    with pytest.raises(etude.EtudeError, match="2 recordings; name one"):
+        read_recording(tmp_path)
+
+
 def test_a_robot_is_heard_later(performed):
-    recording = read_recording(performed / "run-1.mcap")
-    report = json.loads((performed / "report.json").read_text())
+    recording = read_recording(performed / "latest" / "run-1.mcap")
+    report = json.loads((performed / "latest" / "report.json").read_text())
     assert recording.header["late_secs"] == pytest.approx(0.045)
     f1 = [f1_score(due, heard, zero_division=1) for due, heard in zip(recording.due, recording.heard)]
     assert np.mean(f1) == pytest.approx(report["robot_f1"])
@@ -34,7 +47,7 @@ def test_a_robot_is_heard_later(performed):
 
 
 def test_a_topic_is_a_frame(played):
-    recording = read_recording(played / "recording.mcap")
+    recording = read_recording(played / "latest" / "recording.mcap")
     frame = recording.frame()
     assert len(frame) == len(recording)
     name = recording.header["joints"][0]
@@ -47,7 +60,7 @@ def test_a_topic_is_a_frame(played):
 
 
 def test_half_a_recording_is_read_as_far_as_it_goes(played, tmp_path):
-    whole = (played / "recording.mcap").read_bytes()
+    whole = (played / "latest" / "recording.mcap").read_bytes()
     lengths = set()
     # A record may be cut anywhere, in its length too.
     for share in [step / 100 for step in range(1, 100)]:

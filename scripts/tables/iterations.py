@@ -203,7 +203,7 @@ class Trial:
     def report(self, twin_params, mode, rehearsed, number):
         """The report of the performances before (0) or after (1) the iteration."""
         if mode == rehearsed:
-            return self.iterated(twin_params, mode) / f"iteration-{number}" / "performance" / "report.json"
+            return self.iterated(twin_params, mode) / f"iteration-{number}" / "performance" / "latest" / "report.json"
         return self.folder / f"{twin_params}-{mode}-{number}" / "latest" / "report.json"
 
     def train(self):

@@ -84,10 +84,10 @@ test('a dropped MIDI file is heard', { skip }, async () => {
   }, null, LONG);
   console.log(`from the drop to the sound: ${((Date.now() - begun) / 1000).toFixed(2)} s`);
   assert.match(await page.locator('.heard').innerText(), /played by the policy policies\/sight-reader\.safetensors: \d+ of 44 notes right/);
-  assert.match(await page.locator('.song').innerText(), /No policy has learned this song yet\. The sight-reader plays it at sight/);
+  assert.match(await page.locator('.song').innerText(), /No policy has learned this song yet\. The sight-reader plays it zero-shot/);
   assert.ok(await loudest('#player') > 0.05, 'the sound is not silence');
   await page.getByText('With three fingers: 44 notes').waitFor(LONG);
-  await page.getByText(/Predicted at sight: 44 of 44 notes, F1 0\.9\d\d/).waitFor();
+  await page.getByText(/Predicted zero-shot: 44 of 44 notes, F1 0\.9\d\d/).waitFor();
   assert.ok(await loudest('[data-key="reference"]') > 0.05);
   await page.getByText('Its 16 bars').click();
   await page.getByText('C4 1   C4 1   C4 1   D4 1').first().waitFor();
@@ -161,7 +161,7 @@ test('what will be hard is listed, each with its bar and time', { skip }, async 
   const fast = [0, 1, 2, 3].map((start) => [60, start, 1]);
   await dropOn('too-hard.mid', midi([...fast, [48, 8, 4], [84, 8, 4], [60, 16, 4]]));
   await page.locator('.heard').getByText('too-hard, played by').waitFor(LONG);
-  await page.getByText(/Predicted at sight: \d of 7 notes/).waitFor(LONG);
+  await page.getByText(/Predicted zero-shot: \d of 7 notes/).waitFor(LONG);
   const hard = await page.locator('.song li').allInnerTexts();
   assert.ok(hard.some((text) => text.includes('bar 1, beat 3 (1.00 s): C6 is skipped: out of reach with the keys around it')), hard.join('\n'));
   assert.equal(hard.filter((text) => text.includes('C4 is struck again before the key has been up for long enough')).length, 3);

@@ -5,14 +5,13 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use etude_lab::{
-    Chosen, Pianist, RunConfig, SIGHT_READER, cannot_be_played, load_pianist, pianist_for, player_slug,
-    policies, policy_called,
+    Chosen, Pianist, Planner, RunConfig, SIGHT_READER, cannot_be_played, load_pianist, pianist_for,
+    player_slug, policies, policy_called,
 };
 use etude_music::Song;
 use etude_perform::shell_word;
 
 use crate::output::note;
-use crate::status::while_planning;
 
 /// Any text; a shell completes these names and paths of files.
 #[derive(Clone)]
@@ -101,8 +100,7 @@ impl PianistArgs {
     }
 
     /// The player of `song`, which the user named `asked`; warns if it learned another song.
-    /// `quiet` hides the progress of the planning.
-    pub fn load(&self, asked: &str, song: &Song, quiet: bool) -> anyhow::Result<Pianist> {
+    pub fn load(&self, asked: &str, song: &Song, planner: &mut Planner<'_>) -> anyhow::Result<Pianist> {
         let mut passed_over = None;
         let mut pianist = if self.scripted {
             Pianist::scripted()
@@ -110,7 +108,8 @@ impl PianistArgs {
             match &self.policy {
                 Some(policy) => load_pianist(&policy_called(policy)?)?,
                 None => {
-                    let Chosen { pianist, passed_over: over } = pianist_for(asked, &slug(asked), song)?;
+                    let Chosen { pianist, passed_over: over } =
+                        pianist_for(asked, &slug(asked), song, planner)?;
                     passed_over = over;
                     pianist
                 }
@@ -125,7 +124,7 @@ impl PianistArgs {
                 ));
             }
         }
-        if pianist.reads_at_sight() {
+        if pianist.is_sight_reader() {
             if self.policy.is_none() {
                 let why = if let Some(own) = &passed_over {
                     let (right, due) = (own.claimed_notes.unwrap_or(0.0), song.notes().len());
@@ -144,7 +143,7 @@ impl PianistArgs {
                     shell_word(asked)
                 ));
             }
-            for warning in while_planning(quiet, || cannot_be_played(song, &pianist.config.task))? {
+            for warning in cannot_be_played(song, &pianist.config.task, planner)? {
                 note(format!(
                     "warning: {warning}; `etude songs show {}` shows the plan, and what is easier to play",
                     shell_word(asked)

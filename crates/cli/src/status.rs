@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use etude_lab::planning_told;
+use etude_lab::Planner;
 use indicatif::ProgressBar;
 
 use crate::output::note;
@@ -97,17 +97,14 @@ impl LongWork {
     }
 }
 
-/// Does `work` and shows the progress of its planning if that is slow. Writes nothing if `quiet`.
-pub fn while_planning<T>(quiet: bool, work: impl FnOnce() -> T) -> T {
-    let mut planning = Some(LongWork::new(quiet));
-    let listener = move |share: f64| {
-        if let Some(now) = &mut planning {
-            now.planned(share);
-        }
-        // The line is removed before the work writes its own.
-        planning.take_if(|_| share >= 1.0);
-    };
-    planning_told(listener, work)
+/// A planner that shows its progress if a plan is slow. Writes nothing if `quiet`.
+pub fn planner(quiet: bool) -> Planner<'static> {
+    let mut work: Option<LongWork> = None;
+    Planner::new(move |share| {
+        work.get_or_insert_with(|| LongWork::new(quiet)).planned(share);
+        // The line is removed before other lines are written.
+        work.take_if(|_| share >= 1.0);
+    })
 }
 
 /// Time left, if the share `before` was done at first and `share` is `secs` later; none before

@@ -19,7 +19,7 @@ use anyhow::{Context as _, bail};
 use etude_identify::Progress;
 use etude_lab::machine::processor;
 use etude_lab::{
-    Identification, IdentifyMethod, Pianist, RehearsalConfig, RehearsalStep, RobotPlay, Run,
+    Identification, IdentifyMethod, Pianist, Planner, RehearsalConfig, RehearsalStep, RobotPlay, Run,
     TrainingProgress, find_song, identify_robot, load_pianist, play_on_robot, record_excitations,
     rehearse_on_robot, scores_in_simulation,
 };
@@ -28,7 +28,6 @@ use etude_music::Song;
 use etude_perform::session::{TWIN, rig_choice, unix_secs};
 use etude_perform::{Excitation, Job, Mode, Scores, gap, write_file};
 use etude_show::RehearsalPage;
-use etude_task::Piece;
 use serde::Serialize;
 
 use crate::config::PerformConfig;
@@ -155,7 +154,14 @@ impl Doing<'_, '_> {
         config.trainer.threads = self.threads;
         let seed = config.trainer.seed;
         let source = training.source()?;
-        let mut run = Run::start_or_resume(song.clone(), config, &folder, self.command, source.as_deref())?;
+        let mut run = Run::start_or_resume(
+            song.clone(),
+            config,
+            &folder,
+            self.command,
+            source.as_deref(),
+            &mut Planner::default(),
+        )?;
         let share = if perform.is_some() { TRAINING_SHARE } else { 1.0 };
         let told = |at: &TrainingProgress| TrialProgress {
             phase: "training".to_string(),
@@ -197,8 +203,9 @@ impl Doing<'_, '_> {
         seed: u64,
         share: f64,
     ) -> anyhow::Result<Vec<Row>> {
-        let piece = Piece::for_task(song, &pianist.config.task)?;
-        let Scores { frame: sim, note: sim_note } = scores_in_simulation(pianist, &piece)?;
+        let mut planner = Planner::default();
+        let piece = planner.plan(song, &pianist.config.task)?;
+        let Scores { frame: sim, note: sim_note } = scores_in_simulation(pianist, &piece, &mut planner)?;
         let of_sim = [
             ("sim_f1", sim.f1),
             ("sim_precision", sim.precision),
@@ -228,8 +235,12 @@ impl Doing<'_, '_> {
                         correction: None,
                         font: None,
                     };
-                    let report =
-                        play_on_robot(&play, None, &mut Job::new(&mut |_| {}, self.job.interrupt()))?;
+                    let report = play_on_robot(
+                        &play,
+                        None,
+                        &mut planner,
+                        &mut Job::new(&mut |_| {}, self.job.interrupt()),
+                    )?;
                     if self.job.is_interrupted() {
                         bail!(STOPPED);
                     }
@@ -276,7 +287,7 @@ impl Doing<'_, '_> {
             song: name,
             rig: rig.name().to_string(),
             twin_params: Some(truth_name.to_string()),
-            rounds,
+            iterations: rounds,
             runs,
             mode,
             preset: training.preset.clone(),
@@ -300,7 +311,7 @@ impl Doing<'_, '_> {
                 let share = (*round as f64 + at.share()) / parts;
                 self.tell(&format!("round {round}: training"), share, at.best_f1);
             }
-            RehearsalStep::Round(round) => page.add(round),
+            RehearsalStep::Iteration(iteration) => page.add(iteration),
             _ => {}
         };
         let rounds = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, interrupt))?;
@@ -316,7 +327,7 @@ impl Doing<'_, '_> {
             if let Some([before, after]) = round.held_out_rad {
                 values.extend([("held_out_before", before), ("held_out_after", after)]);
             }
-            row(&[("round", round.round.to_string())], &values)
+            row(&[("round", round.iteration.to_string())], &values)
         });
         Ok((self.result(rows.collect(), Vec::new()), self.times(begun.elapsed().as_secs_f64(), Vec::new())))
     }

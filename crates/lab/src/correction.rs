@@ -22,7 +22,6 @@ pub struct CorrectionFile {
     /// The policy that plays it.
     pub(crate) policy: PathBuf,
     /// The mode in which it was learned.
-    #[serde(default = "joint_mirroring")]
     pub mode: Mode,
     /// The lead of the plan, s.
     pub(crate) latency_compensation_secs: f64,
@@ -46,11 +45,6 @@ impl OnlyFor {
         let file = pianist.file().map(std::fs::read).transpose()?.unwrap_or_default();
         Ok(Self { robot: rig.label(), notes: crc32c::crc32c(&song.to_midi()), policy: crc32c::crc32c(&file) })
     }
-}
-
-/// The mode of corrections in files that do not name one.
-pub(crate) fn joint_mirroring() -> Mode {
-    Mode::JointMirroring
 }
 
 impl CorrectionFile {

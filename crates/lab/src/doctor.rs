@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use etude_robot::priority::{Priority, Rank};
 use serde::Serialize;
 
-use crate::pianist::shipped_policy;
+use crate::policy_files::shipped_policy;
 
 /// Something that this machine has or lacks.
 #[derive(Clone, Debug, Serialize)]

@@ -52,3 +52,27 @@ pub(crate) fn lock(file: File, verb: &str, folder: &Path) -> anyhow::Result<File
     }
     Ok(file)
 }
+
+/// A player in the name of a folder: a policy of a run by the run's folder, another one by its file.
+pub fn player_slug(player: &Path) -> String {
+    let is_of_run = player.file_name().is_some_and(|file| file.to_string_lossy().starts_with("policy-"));
+    let named = player.parent().filter(|_| is_of_run).unwrap_or(player);
+    let name = slug(&named.file_stem().unwrap_or_default().to_string_lossy());
+    // A name may have no letter of ASCII.
+    if name.is_empty() { "player".to_string() } else { name }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn players_are_named_after_their_run_or_their_file() {
+        let name = |player: &str| player_slug(Path::new(player));
+        assert_eq!(name("runs/twinkle__fast__0/policy-best.safetensors"), "twinkle-fast-0");
+        assert_eq!(name("policies/sight-reader.safetensors"), "sight-reader");
+        assert_eq!(name("runs/twinkle__fast__0"), "twinkle-fast-0");
+        assert_eq!(name("scripted"), "scripted");
+        assert_eq!(name("песня.safetensors"), "player");
+    }
+}

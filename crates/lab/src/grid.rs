@@ -15,9 +15,12 @@ use etude_task::{Randomisation, TaskError};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::folder::make_folder;
 use crate::pianist::Pianist;
-use crate::planning::{plan, tell_planning};
+use crate::planner::Planner;
+use crate::results::in_new_result;
+
+/// The table of the worlds in its folder.
+const WORLDS: &str = "worlds.csv";
 
 /// Which grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -129,17 +132,18 @@ pub fn evaluate_grid(
     song: &Song,
     pianist: &Pianist,
     grid: &GridConfig,
+    planner: &mut Planner<'_>,
     watch: &(dyn Fn(usize) -> bool + Sync),
 ) -> anyhow::Result<Option<GridReport>> {
     let mut task = pianist.config.task.clone();
     task.randomisation.intensity = grid.intensity;
     task.check()?;
-    let piece = plan(song, &task)?;
+    let piece = planner.plan(song, &task)?;
     let nominal = task.params().map_err(TaskError::from)?;
     let randomisation = Randomisation::new(nominal.clone(), &task.randomisation, task.stage.actuation)?;
     let mut worlds = vec![nominal];
     worlds.extend(randomisation.grid(grid.worlds, grid.seed));
-    let ready = pianist.ready(&task, &piece, &mut tell_planning())?;
+    let ready = pianist.ready(&task, &piece, planner.on_progress())?;
     let never = AtomicBool::new(false);
 
     let (done, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
@@ -237,11 +241,12 @@ fn marginals(paths: &[String], nominal: &[f64], values: &[Vec<f64>], f1: &[f64])
 }
 
 impl GridReport {
-    /// Writes one line a world: its number, its scores, and the numbers that vary, under their paths.
+    /// Writes one line a world into a new numbered folder in `results`: its number, its scores, and
+    /// the numbers that vary, under their paths.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn write_csv(&mut self, path: &Path) -> anyhow::Result<()> {
+    pub fn write_csv(&mut self, results: &Path) -> anyhow::Result<()> {
         let mut text = String::from(
             "world,player,f1,precision,recall,pooled_f1,notes_right,notes_wrong,onset_f1,collision_free",
         );
@@ -254,20 +259,16 @@ impl GridReport {
             text.push_str(&format!("\n{index},{player}"));
             text.extend(scores.iter().chain(values).map(|value| format!(",{value}")));
         }
-        if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            make_folder(folder)?;
-        }
-        write_file(path, &(text + "\n"))?;
-        self.csv = Some(path.to_path_buf());
+        self.csv = Some(in_new_result(
+            results,
+            |_| true,
+            |folder| {
+                let path = folder.join(WORLDS);
+                write_file(&path, &(text + "\n"))?;
+                Ok(path)
+            },
+        )?);
         Ok(())
-    }
-
-    /// Whether `csv` is the table of another player.
-    pub fn is_of_another(csv: &Path, player: &str) -> bool {
-        // A pipe has nothing to read.
-        let text =
-            if csv.is_file() { std::fs::read_to_string(csv).unwrap_or_default() } else { String::new() };
-        text.lines().nth(1).is_some_and(|row| !row.starts_with(&format!("0,{},", quoted(player))))
     }
 }
 
@@ -299,7 +300,9 @@ mod tests {
 
     fn on_threads(threads: usize, pianist: &Pianist, grid: &GridConfig) -> GridReport {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| evaluate_grid(&song(), pianist, grid, &|_| true)).unwrap().unwrap()
+        pool.install(|| evaluate_grid(&song(), pianist, grid, &mut Planner::default(), &|_| true))
+            .unwrap()
+            .unwrap()
     }
 
     #[test]
@@ -341,20 +344,14 @@ mod tests {
         assert_eq!((marginal.path.as_str(), marginal.nominal), ("key.threshold", 0.5));
         assert!(marginal.range[0] < 0.1 && marginal.range[1] > 0.9, "{marginal:?}");
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("new/worlds.csv");
         let mut report = report;
-        report.write_csv(&path).unwrap();
-        let text = std::fs::read_to_string(&path).unwrap();
+        report.write_csv(folder.path()).unwrap();
+        let text = std::fs::read_to_string(folder.path().join("latest/worlds.csv")).unwrap();
         let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
         assert_eq!((rows.len(), *rows[0].last().unwrap()), (13, "key.threshold"));
         for (row, (scores, values)) in rows[1..].iter().zip(report.scores.iter().zip(&report.values)) {
             assert_eq!((row[2].parse(), row.last().unwrap().parse()), (Ok(scores.f1), Ok(values[0])));
         }
-        assert!(!GridReport::is_of_another(&path, "scripted") && GridReport::is_of_another(&path, "script"));
-        // Whatever a file is called.
-        report.player = "a \"b\",c.safetensors".to_string();
-        report.write_csv(&path).unwrap();
-        assert!(!GridReport::is_of_another(&path, &report.player) && GridReport::is_of_another(&path, "a"));
     }
 
     #[test]
@@ -365,10 +362,13 @@ mod tests {
             played.fetch_max(done, Ordering::Relaxed);
             done < 2
         };
-        assert_eq!(evaluate_grid(&song(), &pianist(&[]), &grid, &watch).unwrap(), None);
+        assert_eq!(
+            evaluate_grid(&song(), &pianist(&[]), &grid, &mut Planner::default(), &watch).unwrap(),
+            None
+        );
         assert!(played.load(Ordering::Relaxed) < 10);
         let fails = |pianist: &Pianist, grid: &GridConfig| {
-            evaluate_grid(&song(), pianist, grid, &|_| true).unwrap_err().to_string()
+            evaluate_grid(&song(), pianist, grid, &mut Planner::default(), &|_| true).unwrap_err().to_string()
         };
         assert!(
             fails(&pianist(&[]), &GridConfig { intensity: 1.5, ..grid }).contains("randomisation.intensity")

@@ -16,11 +16,9 @@ use etude_task::{ACTION_LEN, Piece, Player as _};
 use serde::Serialize;
 
 use crate::errors::{Interrupted, unusable};
-use crate::folder::make_folder;
-use crate::kept::Kept;
 use crate::pianist::Pianist;
-use crate::planning::{plan_telling, tell_planning};
-use crate::robot::run_file;
+use crate::planner::Planner;
+use crate::results::in_new_result;
 
 /// The figures of a performance and its files. Its keys are those of `etude play --json`.
 #[derive(Clone, Debug, Serialize)]
@@ -41,9 +39,6 @@ pub struct PlayReport {
     /// What limits the scripted baseline on this song; absent for a policy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<String>,
-    /// The earlier performance in the folder, if it was by another player, or of another song.
-    #[serde(skip)]
-    pub kept: Option<Kept>,
     /// The files that were written.
     pub files: Files,
 }
@@ -66,74 +61,65 @@ pub struct Files {
     pub report: Option<PathBuf>,
 }
 
-/// What is done of a performance in simulation: a share, 0 to 1.
-#[derive(Clone, Copy, Debug)]
-pub enum PlayStep {
-    /// Of planning the fingering, which takes long for a long song with many chords.
-    Planning(f64),
-    /// Of playing.
-    Playing(f64),
-}
-
-/// Plays the whole song and writes the files into `folder`. Those of an earlier performance there are replaced when all is done, and the
-/// page made of them is removed; those by another player are moved to a folder of their own.
+/// Plays the whole song and writes the files into a new numbered folder in `results`. `job` receives
+/// the share that is played, 0 to 1.
 ///
 /// # Errors
-/// If the song does not fit the keyboard, a file cannot be written, or the job is interrupted: the folder is then as it was.
+/// If the song does not fit the keyboard, a file cannot be written, or the job is interrupted:
+/// nothing is kept then.
 pub fn play(
     song: &Song,
     pianist: &Pianist,
-    folder: &Path,
+    results: &Path,
     font: Option<&SoundFont>,
-    job: &mut Job<'_, PlayStep>,
+    planner: &mut Planner<'_>,
+    job: &mut Job<'_, f64>,
 ) -> anyhow::Result<PlayReport> {
-    let is_new = !folder.exists();
-    make_folder(folder)?;
-    if folder.join(run_file(0, "mcap")).is_file() {
-        bail!("{} holds what `etude perform` has written: choose another folder with -o", folder.display());
-    }
-    let unfinished = folder.join(format!(".unfinished-{}", std::process::id()));
-    make_folder(&unfinished)?;
-    let played = play_into(&unfinished, folder, song, pianist, font, job);
-    // Empty after a success.
-    let _ = std::fs::remove_dir_all(&unfinished);
-    if is_new && played.is_err() {
-        // Fails, and changes nothing, if something is in it.
-        let _ = std::fs::remove_dir(folder);
-    }
-    played
+    in_new_result(results, |_| true, |folder| play_into(folder, song, pianist, font, planner, job))
 }
 
-/// Plays in the folder `unfinished`, and moves the files to `folder` in the end.
 fn play_into(
-    unfinished: &Path,
     folder: &Path,
     song: &Song,
     pianist: &Pianist,
     font: Option<&SoundFont>,
-    job: &mut Job<'_, PlayStep>,
+    planner: &mut Planner<'_>,
+    job: &mut Job<'_, f64>,
 ) -> anyhow::Result<PlayReport> {
     let task = &pianist.config.task;
-    let piece = plan_telling(song, task, &mut |share| job.report(&PlayStep::Planning(share)))?;
-    let files = Files::of_play(unfinished);
+    let piece = planner.plan(song, task)?;
+    let files = Files {
+        midi: folder.join("performance.mid"),
+        wav: folder.join("performance.wav"),
+        reference: folder.join(REFERENCE),
+        frames: folder.join("frames.csv"),
+        recording: folder.join(RECORDING),
+        report: Some(folder.join(REPORT)),
+    };
     let header = header(&piece, pianist, "simulation", None);
     let mut writer = RecordingWriter::create(&files.recording, &header)?;
-    let mut ready = pianist.ready(task, &piece, &mut |share| job.report(&PlayStep::Planning(share)))?;
+    let mut ready = pianist.ready(task, &piece, planner.on_progress())?;
     let mut rig = SimRig::new(task, &piece, pianist.config.trainer.seed)?;
     let interrupt = job.interrupt();
     let mut player = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
-        job.report(&PlayStep::Playing(step as f64 / piece.steps() as f64));
+        job.report(&(step as f64 / piece.steps() as f64));
         ready.act(step, observation, action);
     };
     let performance = perform(&mut rig, &mut player, task, &piece, Some(&mut writer), interrupt)?;
     writer.finish()?;
+    if performance.ending != Ending::Complete {
+        // A simulation can be played again.
+        std::fs::remove_file(&files.recording).map_err(|error| unusable(&files.recording, error))?;
+    }
     match &performance.ending {
         Ending::Complete => {}
         Ending::Interrupted => return Err(Interrupted("stopped; nothing was written".to_string()).into()),
         Ending::Fault(why) => bail!("the performance was cut short: {why}"),
     }
     let simulated = performance.simulation.unwrap_or_default();
-    let mut report = PlayReport {
+    keep(&files, &performance, font)?;
+    keep_reference(&files.reference, &piece, font)?;
+    let report = PlayReport {
         song: song.title().to_string(),
         player: pianist.name(),
         steps: performance.pressed.len(),
@@ -141,44 +127,10 @@ fn play_into(
         reward: simulated.reward,
         collision_free: simulated.collision_free,
         limits: ready.limits(),
-        kept: None,
-        files: Files::of_play(folder),
+        files,
     };
-    keep(&files, &performance, font)?;
-    keep_reference(&files.reference, &piece, font)?;
-    write_report(unfinished, &report)?;
-    report.kept = Kept::moved_from(folder, &report.song, &report.player)?;
-    for file in files.all() {
-        let name = file.file_name().expect("each has a name");
-        if let Err(error) = std::fs::rename(file, folder.join(name)) {
-            report.kept.iter().try_for_each(|kept| kept.move_back(folder))?;
-            return Err(unusable(folder, error));
-        }
-    }
-    match std::fs::remove_file(folder.join(PAGE)) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(unusable(folder, error)),
-        _ => Ok(report),
-    }
-}
-
-impl Files {
-    /// All of them.
-    pub(crate) fn all(&self) -> impl Iterator<Item = &PathBuf> {
-        let Self { midi, wav, reference, frames, recording, report } = self;
-        [midi, wav, reference, frames, recording].into_iter().chain(report)
-    }
-
-    /// Those of `etude play` in `folder`.
-    pub(crate) fn of_play(folder: &Path) -> Self {
-        Self {
-            midi: folder.join("performance.mid"),
-            wav: folder.join("performance.wav"),
-            reference: folder.join(REFERENCE),
-            frames: folder.join("frames.csv"),
-            recording: folder.join(RECORDING),
-            report: Some(folder.join(REPORT)),
-        }
-    }
+    write_report(folder, &report)?;
+    Ok(report)
 }
 
 /// What was played, with its scores.
@@ -194,10 +146,14 @@ pub(crate) const REFERENCE: &str = "reference.wav";
 ///
 /// # Errors
 /// If the task of the pianist is not sound.
-pub fn scores_in_simulation(pianist: &Pianist, piece: &Piece) -> anyhow::Result<Scores> {
+pub fn scores_in_simulation(
+    pianist: &Pianist,
+    piece: &Piece,
+    planner: &mut Planner<'_>,
+) -> anyhow::Result<Scores> {
     let task = &pianist.config.task;
     let mut rig = SimRig::nominal(task, piece)?;
-    let mut ready = pianist.ready(task, piece, &mut tell_planning())?;
+    let mut ready = pianist.ready(task, piece, planner.on_progress())?;
     Ok(perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.scores())
 }
 

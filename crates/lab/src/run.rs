@@ -1,6 +1,5 @@
 //! Training a song or a corpus: the run folder, its description, and the trainer in it.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
@@ -12,7 +11,6 @@ use etude_learn::{
 };
 use etude_music::{Song, SongError};
 use etude_perform::{Job, NoteCounts, SongEvaluator, shell_word, write_file};
-use etude_task::reward::is_term;
 use etude_task::{Corpus, TaskConfig, VectorPiano};
 use serde_json::{Value, json};
 
@@ -20,6 +18,7 @@ use crate::config::{RunConfig, change_free, resolve as resolve_config};
 use crate::errors::unusable;
 use crate::folder::{CONFIG, META, SONG, lock, make_folder, other_notes, policy_in};
 use crate::pianist::open;
+use crate::planner::Planner;
 use crate::warm::warm_start;
 
 /// Name of the file that a process locks while it works in a run's folder. The system releases the lock when the process ends.
@@ -54,8 +53,9 @@ impl Run {
         folder: &Path,
         command: &str,
         source: Option<&Path>,
+        planner: &mut Planner<'_>,
     ) -> anyhow::Result<Self> {
-        Self::begin(Some(song), RunConfig { corpus: None, ..config }, folder, command, source)
+        Self::begin(Some(song), RunConfig { corpus: None, ..config }, folder, command, source, planner)
     }
 
     /// Starts a training of the configuration's corpus, as [`start`](Self::start).
@@ -71,7 +71,7 @@ impl Run {
         if config.corpus.is_none() {
             bail!("name a song to learn, or a preset with a corpus of pieces: --preset sight-reader");
         }
-        Self::begin(None, config, folder, command, source)
+        Self::begin(None, config, folder, command, source, &mut Planner::default())
     }
 
     fn begin(
@@ -80,6 +80,7 @@ impl Run {
         folder: &Path,
         command: &str,
         source: Option<&Path>,
+        planner: &mut Planner<'_>,
     ) -> anyhow::Result<Self> {
         if Trainer::exists(folder) {
             if let Some(song) = &song
@@ -103,7 +104,7 @@ impl Run {
         let config = config.complete();
         config.check()?;
         let title = song.as_ref().map(Song::title);
-        let parts = parts(song.as_ref(), &config)?;
+        let parts = parts(song.as_ref(), &config, planner)?;
         let warm = source.map(|source| warm_start(source, title, &config, &parts)).transpose()?;
         check_foreign(folder)?;
         make_folder(folder)?;
@@ -135,7 +136,7 @@ impl Run {
     ///
     /// # Errors
     /// If the folder holds no run or a damaged one, or an override would make another training of it.
-    pub fn resume(folder: &Path, overrides: &[String]) -> anyhow::Result<Self> {
+    pub fn resume(folder: &Path, overrides: &[String], planner: &mut Planner<'_>) -> anyhow::Result<Self> {
         let without = |name: &str| match Trainer::exists(folder) {
             true => anyhow!(
                 "the training in {} cannot be continued without its {name}: put it back, or choose another folder",
@@ -147,6 +148,9 @@ impl Run {
                 shell_word(folder.display())
             ),
         };
+        if Trainer::exists(folder) {
+            Trainer::check_schema(folder).map_err(|error| usable_still(error, folder))?;
+        }
         let settings =
             Some(folder.join(CONFIG)).filter(|config| config.is_file()).ok_or_else(|| without(CONFIG))?;
         let config = resolve_config("paper", Some(&settings), &[])
@@ -160,19 +164,8 @@ impl Run {
         if config.corpus.is_none() && !folder.join(SONG).is_file() {
             return Err(without(SONG));
         }
-        let mut config = change_free(&config, overrides)?;
+        let config = change_free(&config, overrides)?;
         config.check()?;
-        let learned = learned_reward(folder);
-        if let Some(term) = foreign_term(&learned).or_else(|| foreign_term(&config.task.reward)) {
-            bail!(
-                "the training in {} cannot be continued: no reward term is called `{term}` in this build; `--from {}` begins \
-                 another training with its policy",
-                folder.display(),
-                shell_word(folder.display())
-            );
-        }
-        // Other builds' terms that did not count.
-        config.task.reward.retain(|name, _| is_term(name));
         let song = match config.corpus {
             Some(_) => None,
             None => Some(titled(Song::load(folder.join(SONG))?, folder)?),
@@ -187,17 +180,16 @@ impl Run {
                 folder.display()
             );
         }
-        if let Some(learned) = recorded_checksum(folder).filter(|_| song.is_some())
-            && learned != song_checksum(folder)?
-        {
+        if song.is_some() && recorded_checksum(folder) != Some(song_checksum(folder)?) {
             let folder = folder.display();
             bail!(
                 "{folder}/{SONG} is not the song that this training has learned so far: put it back, or begin another training \
                  with `etude train SONG -o DIR`"
             );
         }
-        let trainer = Trainer::resume(folder, &config.droq, &config.trainer, parts(song.as_ref(), &config)?)
-            .map_err(|error| usable_still(error, folder))?;
+        let trainer =
+            Trainer::resume(folder, &config.droq, &config.trainer, parts(song.as_ref(), &config, planner)?)
+                .map_err(|error| usable_still(error, folder))?;
         if !overrides.is_empty() {
             write_config(folder, &config)?;
         }
@@ -214,13 +206,14 @@ impl Run {
         folder: &Path,
         command: &str,
         source: Option<&Path>,
+        planner: &mut Planner<'_>,
     ) -> anyhow::Result<Self> {
         let threads = format!("trainer.threads={}", config.trainer.threads);
         if Trainer::exists(folder) {
-            return Self::resume(folder, &[threads]);
+            return Self::resume(folder, &[threads], planner);
         }
         match song {
-            Some(song) => Self::start(song, config, folder, command, source),
+            Some(song) => Self::start(song, config, folder, command, source, planner),
             None => Self::start_corpus(config, folder, command, source),
         }
     }
@@ -333,7 +326,7 @@ fn read_meta(folder: &Path) -> Option<Value> {
     serde_json::from_slice(&std::fs::read(folder.join(META)).ok()?).ok()
 }
 
-/// The checksum of the song when the run was started; runs of earlier builds have none.
+/// The checksum of the song when the run was started.
 fn recorded_checksum(folder: &Path) -> Option<String> {
     Some(read_meta(folder)?["song_crc32c"].as_str()?.to_string())
 }
@@ -353,18 +346,6 @@ fn usable_still(error: TrainError, folder: &Path) -> anyhow::Error {
 /// The task that the run in `folder` has learned so far, if its last policy holds it.
 fn learned_task(folder: &Path) -> Option<TaskConfig> {
     open(&folder.join("policy-last.safetensors")).ok().map(|pianist| pianist.config.task)
-}
-
-/// The reward's weights that the run in `folder` has learned with, with the terms of other builds; empty if no policy holds them.
-fn learned_reward(folder: &Path) -> BTreeMap<String, f64> {
-    let Ok(policy) = Policy::load(&folder.join("policy-last.safetensors")) else { return BTreeMap::new() };
-    let reward = &policy.header().notes["training"]["config"]["task"]["reward"];
-    serde_json::from_value(reward.clone()).unwrap_or_default()
-}
-
-/// A term of another build that counts in this reward.
-fn foreign_term(reward: &BTreeMap<String, f64>) -> Option<&str> {
-    reward.iter().find(|(name, weight)| **weight != 0.0 && !is_term(name)).map(|(name, _)| name.as_str())
 }
 
 /// The song of this name or path; that of a run's folder keeps the title that it was learned under.
@@ -417,11 +398,15 @@ fn lock_run(folder: &Path) -> anyhow::Result<File> {
 }
 
 /// What a training of `song` or, without one, of the corpus needs.
-fn parts(song: Option<&Song>, config: &RunConfig) -> anyhow::Result<TrainingInputs> {
+fn parts(
+    song: Option<&Song>,
+    config: &RunConfig,
+    planner: &mut Planner<'_>,
+) -> anyhow::Result<TrainingInputs> {
     let (task, envs) = (&config.task, config.trainer.num_envs);
     let root = seed::split(config.trainer.seed, "task");
     let (environment, evaluator) = if let Some(song) = song {
-        let piece = crate::planning::plan(song, task)?;
+        let piece = planner.plan(song, task)?;
         (VectorPiano::new(task, &piece, envs, root)?, SongEvaluator::new(task, &piece)?)
     } else {
         let corpus = Arc::new(Corpus::new(&config.corpus.clone().unwrap_or_default(), task)?);

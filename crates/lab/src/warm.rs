@@ -61,7 +61,7 @@ pub(crate) fn warm_start(
             path.display()
         )
     };
-    let theirs = RunConfig::stored(warm.notes()["config"].clone()).map_err(|_| unknown())?;
+    let theirs: RunConfig = serde_json::from_value(warm.notes()["config"].clone()).map_err(|_| unknown())?;
     let learned = warm.notes()["song"].as_str();
     if learned.is_none() && theirs.corpus.is_none() {
         return Err(unknown());
@@ -102,7 +102,7 @@ pub(crate) fn warm_start(
 mod tests {
     use super::*;
     use crate::config::{DEFAULT_PRESET, resolve};
-    use crate::pianist::shipped_policy;
+    use crate::policy_files::shipped_policy;
 
     /// Some policies have more room for the rail than the preset, and are trained further all the same.
     #[test]
@@ -111,7 +111,7 @@ mod tests {
         let range = |song: &str| beginning_with(fast.clone(), &shipped_policy(song).unwrap()).task.rail_range;
         assert_eq!(range("surprise-symphony"), 0.04);
         assert_eq!(range("twinkle"), fast.task.rail_range);
-        assert_eq!(range(crate::SIGHT_READER), fast.task.rail_range);
+        assert_eq!(range(crate::zero_shot::SIGHT_READER), fast.task.rail_range);
         assert_eq!(beginning_with(fast.clone(), Path::new("nowhere")), fast);
     }
 }

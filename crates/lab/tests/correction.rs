@@ -4,7 +4,9 @@
 
 use std::sync::atomic::AtomicBool;
 
-use etude_lab::{RobotPlay, RobotStep, find_song, load_pianist, play_on_robot, run_file, shipped_policy};
+use etude_lab::{
+    Planner, RobotPlay, RobotStep, find_song, load_pianist, play_on_robot, run_file, shipped_policy,
+};
 use etude_music::CONTROL_HZ;
 use etude_perform::session::rig_choice;
 use etude_perform::{Correction, Ending, Job, Mode, Recording};
@@ -54,12 +56,12 @@ proptest! {
         };
         let (never, mut silent) = (AtomicBool::new(false), |_: &RobotStep| {});
         let mut job = Job::new(&mut silent, &never);
-        let report = play_on_robot(&play, Some(folder.path()), &mut job).unwrap();
+        let report = play_on_robot(&play, Some(folder.path()), &mut Planner::default(), &mut job).unwrap();
         // The twin may stop itself, which is a bound too.
         let whole = report.runs[0].ending == Ending::Complete;
         prop_assert!(!whole || report.runs[0].clamped > 0, "nothing tested the limiter");
 
-        let recording = Recording::read(&folder.path().join(run_file(0, "mcap"))).unwrap();
+        let recording = Recording::read(&folder.path().join("latest").join(run_file(0, "mcap"))).unwrap();
         // While it plays: what comes before is recorded at time 0, and once stopped it holds the measured place.
         let followed = report.runs[0].steps[0].saturating_sub(1) as f64 / CONTROL_HZ;
         let sent: Vec<&[f64]> = recording

@@ -21,7 +21,7 @@ use crate::{
     tensors::{find_tensors, name_tensors},
 };
 
-const SCHEMA: &str = "etude-policy-1";
+const SCHEMA: &str = "etude-policy-2";
 /// Rows of one pass; more rows take several passes.
 const ROWS: usize = 16;
 /// Maximum number of columns that an observation or an action may have in a file.
@@ -143,7 +143,8 @@ impl Policy {
         let header: PolicyHeader = file.header()?;
         if header.schema != SCHEMA {
             return Err(format!(
-                "its schema is `{}`, and this version of Étude reads `{SCHEMA}`",
+                "its schema is `{}`, and this version of Étude reads `{SCHEMA}`; train it again, or use it with the \
+                 version that wrote it",
                 header.schema
             ));
         }

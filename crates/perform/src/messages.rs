@@ -74,7 +74,6 @@ impl std::fmt::Display for Activity {
 
 /// What was played, by whom, on what.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
 pub struct Header {
     /// Version of the messages.
     pub schema: u32,
@@ -93,7 +92,7 @@ pub struct Header {
     /// MIDI numbers of the keys that are due in each control step.
     pub due: Vec<Vec<u8>>,
     /// On a robot: F1 compares the keys that are due in a control step with those that sound this time after its end, s. `None` in a
-    /// simulation, where it is those that sound at its end, without a song, and in older recordings.
+    /// simulation, where it is those that sound at its end, and without a song.
     pub late_secs: Option<f64>,
     /// The notes that are due.
     pub due_notes: Vec<DueNote>,

@@ -50,8 +50,8 @@ impl Comparison {
         for take in [a, b] {
             if take.due_notes.is_empty() {
                 bail!(
-                    "{} does not say which notes were due: it has no song, or an older Étude has written it; make it again with \
-                     `etude play` or `etude perform`",
+                    "{} does not say which notes were due: it has no song; compare recordings of `etude play` or \
+                     `etude perform`",
                     take.name
                 );
             }

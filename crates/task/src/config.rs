@@ -34,12 +34,6 @@ pub enum ObservationView {
     Hand,
 }
 
-impl ObservationView {
-    fn is_keyboard(&self) -> bool {
-        *self == Self::Keyboard
-    }
-}
-
 /// The world and the decision process on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -79,8 +73,7 @@ pub struct TaskConfig {
     pub rail_range: f64,
     /// Whether the observation shows, with each finger's goal, the velocity of its note. It needs a fingering.
     pub velocities: bool,
-    /// What the observation's keys and rail are relative to. Configurations of runs from before there was a choice have no such key.
-    #[serde(skip_serializing_if = "ObservationView::is_keyboard")]
+    /// What the observation's keys and rail are relative to.
     pub view: ObservationView,
     /// Whether the observation has the rail's set-point instead of its measured place. A policy that reads the measured place swings
     /// about its goal if the arm lags more than in its training. The paper's policies observe the measured place.
@@ -113,34 +106,7 @@ impl Default for TaskConfig {
     }
 }
 
-/// Settings that earlier builds had, of how a policy learned: table and name.
-const DELETED: &[(&str, &str)] = &[("/randomisation", "curriculum_steps"), ("", "random_start")];
-
 impl TaskConfig {
-    /// The task of a recording or a policy of this or an earlier build. Its reward may have terms that this build does not have.
-    /// Deleted settings, which said how a policy learned and not how it plays, are left out.
-    ///
-    /// # Errors
-    /// If it has other settings that this build does not have.
-    pub fn of_any_build(mut value: serde_json::Value) -> serde_json::Result<Self> {
-        for (path, name) in DELETED {
-            if let Some(settings) = value.pointer_mut(path).and_then(serde_json::Value::as_object_mut) {
-                settings.remove(*name);
-            }
-        }
-        serde_json::from_value(value)
-    }
-
-    /// The task that is stored with a policy: [of any build](Self::of_any_build), without reward terms that this build does not have.
-    ///
-    /// # Errors
-    /// If it has other settings that this build does not have.
-    pub fn stored(value: serde_json::Value) -> serde_json::Result<Self> {
-        let mut task = Self::of_any_build(value)?;
-        task.reward.retain(|name, _| crate::reward::is_term(name));
-        Ok(task)
-    }
-
     /// The physical numbers of the nominal world.
     ///
     /// # Errors

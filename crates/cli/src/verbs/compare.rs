@@ -22,7 +22,7 @@ Examples:
   etude compare out/twinkle out/twinkle-real
   etude compare before.mcap after.mcap -o both.html   # and a page with both, to see and to hear")]
 pub struct Args {
-    /// A recording (*.mcap), or a folder that holds one
+    /// A recording (*.mcap), or a folder that holds one; of numbered results the latest
     #[arg(value_name = "A")]
     one: PathBuf,
     /// Another one of the same piece

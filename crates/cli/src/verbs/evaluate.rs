@@ -7,10 +7,9 @@ use clap::ValueHint;
 use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
 
 use crate::args::{self, PianistArgs};
-use crate::files::check_replaceable;
 use crate::output::{Ending, line, note, print_json};
 use crate::progress::{bar, stop_flag};
-use crate::status::while_planning;
+use crate::status::planner;
 
 /// Number of parameters that are printed; the JSON has all.
 const MAX_SHOWN: usize = 8;
@@ -20,8 +19,9 @@ const MAX_SHOWN: usize = 8;
 #[command(after_help = "\
 The worlds are evenly spread over the parameters that the policy's configuration randomises (the paper's \
 seven quantities, or task.randomisation.widths). They depend on --worlds, --intensity and --seed alone. \
-The CSV has one line a world: world, player, f1, precision, recall, pooled_f1, notes_right, notes_wrong, \
-onset_f1, collision_free, then every parameter that varies.
+DIR/1/worlds.csv has one line a world: world, player, f1, precision, recall, pooled_f1, notes_right, \
+notes_wrong, onset_f1, collision_free, then every parameter that varies. The next evaluation goes to \
+DIR/2, and DIR/latest links to the last one.
 
 Examples:
   etude evaluate twinkle
@@ -42,9 +42,9 @@ pub struct Args {
     /// Seed of the set of worlds
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// The table; by default out/SONG/worlds.csv, or out/SONG-PLAYER/worlds.csv if a player is
-    /// chosen
-    #[arg(short = 'o', long = "out", value_name = "FILE.csv")]
+    /// Folder of the numbered results; by default out/SONG-worlds, or out/SONG-PLAYER-worlds if a
+    /// player is chosen
+    #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON: notes_due; notes_right, notes_wrong and f1, each of the nominal world, mean,
     /// worst_decile and worst; nominal_late_secs, mean_late_secs, marginals (path, range, f1 by
@@ -57,14 +57,10 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
-    let pianist = args.pianist.load(&args.song, &song, args.json)?;
-    let out = args
-        .out
-        .unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)).join("worlds.csv"));
-    check_replaceable(&out, "world,player,")?;
-    if GridReport::is_of_another(&out, &pianist.name()) {
-        anyhow::bail!("{} is the table of another player: choose another file with -o", out.display());
-    }
+    let mut planner = planner(args.json);
+    let pianist = args.pianist.load(&args.song, &song, &mut planner)?;
+    let out =
+        args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song) + "-worlds"));
     let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
     let stop = stop_flag()?;
     let bar = bar(u64::from(args.worlds) + 1, "{pos} worlds  {eta} left", args.json);
@@ -72,7 +68,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         bar.set_position(done as u64);
         !stop.load(Ordering::Relaxed)
     };
-    let report = while_planning(args.json, || evaluate_grid(&song, &pianist, &grid, &watch))?;
+    let report = evaluate_grid(&song, &pianist, &grid, &mut planner, &watch)?;
     bar.finish_and_clear();
     let Some(mut report) = report else {
         note("stopped; nothing was written");

@@ -9,6 +9,7 @@ use etude_show::export::export_onnx;
 use crate::args::{self, PianistArgs, slug};
 use crate::files::{check_replaceable, output_file};
 use crate::output::{Ending, line, print_json};
+use crate::status::planner;
 
 /// Output format.
 #[derive(clap::Args)]
@@ -48,7 +49,7 @@ enum What {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let What::Onnx { song: asked, out, pianist, json: as_json } = args.what;
     let song = find_song(&asked)?;
-    let pianist = pianist.load(&asked, &song, false)?;
+    let pianist = pianist.load(&asked, &song, &mut planner(false))?;
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
     let out = output_file(out, "onnx", "the name must end in .onnx")?;
     check_replaceable(&out, "etude")?;

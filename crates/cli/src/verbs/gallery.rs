@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use etude_lab::{RECORDING, find_song, pianist_for, play};
+use etude_lab::{Planner, find_song, pianist_for, play};
 use etude_music::repertoire;
 use etude_perform::Job;
 use etude_show::gallery::gallery;
@@ -25,7 +25,7 @@ Examples:
   etude gallery                               every built-in song
   etude gallery out runs/rehearse -o gallery  every recording in these folders")]
 pub struct Args {
-    /// Recordings (*.mcap), or folders that hold some, at any depth
+    /// Recordings (*.mcap), or folders that hold some, at any depth; of numbered results the latest
     #[arg(value_name = "RUN")]
     runs: Vec<PathBuf>,
     /// Folder of the pages
@@ -50,18 +50,16 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut seen = BTreeSet::new();
     paths.retain(|path| !path.starts_with(&own) && seen.insert(path.clone()));
     if args.runs.is_empty() {
+        let mut planner = Planner::default();
         let ids: Vec<_> = repertoire::ids().collect();
         for (number, id) in ids.iter().enumerate() {
             show(&mut status, "playing", id, [number, ids.len()]);
             let folder = own.join(id);
             let song = find_song(id)?;
-            let pianist = pianist_for(id, id, &song)?.pianist;
-            let played = play(&song, &pianist, &folder, None, &mut Job::new(&mut |_| {}, &stop))?;
-            if let Some(kept) = played.kept {
-                // The gallery shows one performance of a song.
-                std::fs::remove_dir_all(kept.folder)?;
-            }
-            paths.push(folder.join(RECORDING));
+            let pianist = pianist_for(id, id, &song, &mut planner)?.pianist;
+            let played =
+                play(&song, &pianist, &folder, None, &mut planner, &mut Job::new(&mut |_| {}, &stop))?;
+            paths.push(played.files.recording);
         }
     }
     let mut tell = |number: &usize| {

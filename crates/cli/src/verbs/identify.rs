@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use etude_identify::Progress;
 use etude_lab::{Identification, IdentifyMethod, identify_robot};
 use etude_perform::Job;
+use etude_show::replay::recordings;
 use etude_task::{TaskConfig, shortest_silences};
 
 use super::model::restrike;
@@ -29,7 +30,8 @@ Examples:
   etude identify open-close.mcap chirp.mcap rail.mcap keys.mcap held-out.mcap -o out/identified
   etude train twinkle --config out/identified/identified.toml")]
 pub struct Args {
-    /// Recordings of one robot (`etude record --excitation`, `etude perform`)
+    /// Recordings of one robot (`etude record --excitation`, `etude perform`), or folders that hold
+    /// some; of numbered results the latest
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
     /// A recording that tests the fit and is not fitted; may be repeated
@@ -62,9 +64,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         Some(path) => etude_lab::resolve("paper", Some(path), &[])?.task.physics,
         None => TaskConfig::default().physics,
     };
+    let all = |paths: Vec<PathBuf>| -> anyhow::Result<Vec<PathBuf>> {
+        Ok(paths.iter().map(|path| recordings(path)).collect::<Result<Vec<_>, _>>()?.concat())
+    };
     let what = Identification {
-        recordings: args.recordings,
-        held_out: args.held_out,
+        recordings: all(args.recordings)?,
+        held_out: all(args.held_out)?,
         method: args.method,
         evaluations: args.evaluations,
         seed: args.seed,

@@ -4,20 +4,18 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use etude_lab::{
-    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotStep, earlier_of, find_song, name_the_lead,
-    play_on_robot,
+    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotStep, find_song, name_the_lead, play_on_robot,
 };
 use etude_music::sound::SoundFont;
 use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
 use etude_twin::OrderedFault;
 
-use super::play::kept;
 use super::play::note_summary;
 use crate::args::{self, PianistArgs};
 use crate::output::{Ending, line, note, print_json};
 use crate::progress::stop_flag;
-use crate::status::while_planning;
+use crate::status::planner;
 
 const DEFAULT_TWIN_PARAMS: &str = "standard";
 
@@ -35,9 +33,9 @@ A first run, which is not counted, measures how late the notes are. In the other
 --set task.plan.latency_compensation_secs=SECS, with --correction, or if the robot does not go to the keyboard (--home).
 
 Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
-reference.wav (what should have been played). Once a run is complete they replace those of an earlier performance. \
-If the first run ends by a fault, the earlier performance is in DIR/earlier; if the first run is interrupted, the earlier performance \
-stays, and the new recording is in DIR/cut-short.
+reference.wav (what should have been played). They are in DIR/1 for the first performance, DIR/2 for the next: none is \
+replaced, and one that failed or was interrupted keeps its folder. DIR/latest links to the last one with a complete run, which \
+`replay`, `compare` and `render` take if they are given DIR.
 
 Examples:
   etude perform twinkle --robot twin
@@ -77,7 +75,7 @@ pub struct Args {
     seed: u64,
     #[command(flatten)]
     pianist: PianistArgs,
-    /// Where the files go; if not given out/SONG-MODE, with the player if it is not the best policy
+    /// Folder of the numbered results; if not given out/SONG-MODE, with the player if it is not the best policy
     /// for the song, and the robot if it is not the default twin
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
@@ -97,9 +95,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     // First, so that no request to stop the robot is lost while a policy is loaded.
     let rig = with_faults(rig_choice(&args.robot, &args.twin_params)?, &args.faults)?;
     let learned = args.correction.as_deref().map(CorrectionFile::load).transpose()?;
+    let mut planner = planner(args.json);
     let pianist = match &learned {
         Some(learned) => learned.pianist(&song, &rig)?,
-        None => args.pianist.load(&args.song, &song, args.json)?,
+        None => args.pianist.load(&args.song, &song, &mut planner)?,
     };
     let mode = mode(args.mode, learned.as_ref())?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
@@ -133,24 +132,16 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             }
         }
     };
-    let mut job = Job::new(&mut tell, &stop);
-    let perform = || play_on_robot(&play, Some(&folder), &mut job);
-    let report = while_planning(args.json, perform)?;
-    kept(report.kept.as_ref(), &folder);
+    let report = play_on_robot(&play, Some(&folder), &mut planner, &mut Job::new(&mut tell, &stop))?;
     if args.json {
         print_json(&report)?;
     } else {
         print(&report)?;
     }
     match report.runs.last().map(|run| &run.ending) {
-        Some(Played::Fault(fault)) => {
-            let earlier = earlier_of(&folder).map_or_else(String::new, |path| {
-                format!("; the earlier performance is in {}", path.display())
-            });
-            anyhow::bail!(
-                "the performance ended with a fault: {fault}; remove the cause, then give the same command again{earlier}"
-            )
-        }
+        Some(Played::Fault(fault)) => anyhow::bail!(
+            "the performance ended with a fault: {fault}; remove the cause, then give the same command again"
+        ),
         Some(Played::Complete) if report.runs.len() == play.runs => Ok(Ending::Done),
         _ => {
             note(format!("stopped; the means are of the runs before, of {} that were asked for", play.runs));

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use clap::ValueHint;
-use etude_lab::{Kept, PlayReport, PlayStep, find_song, play};
+use etude_lab::{PlayReport, find_song, play};
 use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
 use etude_perform::{Job, NoteCounts, Scores};
 
 use crate::args::{self, PianistArgs};
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{Ending, line, print_json};
 use crate::progress::stop_flag;
-use crate::status::LongWork;
+use crate::status::{LongWork, planner};
 
 /// Song, player and output of a performance.
 #[derive(clap::Args)]
@@ -22,7 +22,8 @@ sight-reader is predicted to play better.
 
 Files: performance.mid and performance.wav (as played), reference.wav (as written), frames.csv \
 (step,due,pressed: MIDI numbers of the keys due and pressed at each control step), recording.mcap, \
-report.json.
+report.json. They are in DIR/1 for the first performance, DIR/2 for the next: none is replaced. \
+DIR/latest links to the last one, which `replay`, `compare` and `render` take if they are given DIR.
 
 Examples:
   etude play twinkle
@@ -33,7 +34,7 @@ pub struct Args {
     song: String,
     #[command(flatten)]
     pianist: PianistArgs,
-    /// Where the files go; if not given out/SONG, with the player if it is not the best policy for
+    /// Folder of the numbered results; if not given out/SONG, with the player if it is not the best policy for
     /// the song
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
@@ -51,34 +52,21 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let stop = stop_flag()?;
-    let pianist = args.pianist.load(&args.song, &song, args.json)?;
+    let mut planner = planner(args.json);
+    let pianist = args.pianist.load(&args.song, &song, &mut planner)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)));
     let mut work = LongWork::new(args.json);
-    let mut tell = |step: &PlayStep| match *step {
-        PlayStep::Planning(share) => work.planned(share),
-        PlayStep::Playing(share) => work.part("playing", share),
-    };
-    let report = play(&song, &pianist, &folder, font.as_ref(), &mut Job::new(&mut tell, &stop))?;
+    let mut on_progress = |share: &f64| work.part("playing", *share);
+    let mut job = Job::new(&mut on_progress, &stop);
+    let report = play(&song, &pianist, &folder, font.as_ref(), &mut planner, &mut job)?;
     drop(work);
-    kept(report.kept.as_ref(), &folder);
     if args.json {
         print_json(&report)?
     } else {
         print(&report)?
     }
     Ok(Ending::Done)
-}
-
-/// Says where a performance is that a new one in `folder` has not replaced.
-pub(super) fn kept(kept: Option<&Kept>, folder: &Path) {
-    if let Some(Kept { song, player, folder: now }) = kept {
-        note(format!(
-            "the earlier performance of {song} by {player} was moved from {} to {}",
-            folder.display(),
-            now.display()
-        ));
-    }
 }
 
 /// The scores by note in one line.

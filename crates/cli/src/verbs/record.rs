@@ -3,15 +3,13 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::{Motion, record_robot};
 use etude_perform::Excitation;
 use etude_perform::session::rig_choice;
 
 use crate::args;
-use crate::files::check_replaceable;
-use crate::output::{Ending, line, note};
+use crate::output::{Ending, line};
 use crate::progress::stop_flag;
 
 /// Robot, motion and output.
@@ -47,7 +45,7 @@ pub struct Args {
     /// Duration, s; by default until Ctrl-C
     #[arg(long, value_parser = args::positive)]
     secs: Option<f64>,
-    /// The recording; a complete one replaces an existing file
+    /// The recording, a file that does not exist yet
     #[arg(short = 'o', long = "out", value_name = "FILE")]
     out: PathBuf,
 }
@@ -64,34 +62,20 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         (None, secs) => Motion::Rest(secs.map(Duration::from_secs_f64)),
     };
     let home = args.home || rig.is_twin();
-    check_replaceable(&args.out, "MCAP0")?;
-    // Only a complete recording replaces an existing one.
-    let is_there = args.out.exists();
-    let new = if is_there { args.out.with_extension("new.mcap") } else { args.out.clone() };
-    let recorded = record_robot(&rig, motion, home, args.seed, &new, &stop).inspect_err(|_| {
-        if is_there {
-            // It has no motion, so it does no harm if it cannot be removed.
-            let _ = std::fs::remove_file(&new);
-        }
-    })?;
+    // A device or a pipe has no content to lose.
+    if args.out.is_file() {
+        anyhow::bail!("{} exists: choose another name, or remove the file", args.out.display());
+    }
+    let recorded = record_robot(&rig, motion, home, args.seed, &args.out, &stop)?;
     let ending = match recorded.ending {
         etude_perform::Ending::Complete => Ok(Ending::Done),
         // Without --secs, Ctrl-C is the normal end of a recording.
         etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
         etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
-        etude_perform::Ending::Fault(fault) => {
-            Err(anyhow::anyhow!("safety stop: {fault}; remove the cause, then repeat the command"))
-        }
+        etude_perform::Ending::Fault(fault) => Err(anyhow::anyhow!(
+            "safety stop: {fault}; remove the cause, then record again, under another name"
+        )),
     };
-    let is_complete = matches!(ending, Ok(Ending::Done));
-    if is_there && is_complete {
-        std::fs::rename(&new, &args.out)
-            .with_context(|| format!("cannot rename {} to {}", new.display(), args.out.display()))?;
-    }
-    let kept = if is_complete { &args.out } else { &new };
-    line(format!("{} messages in {}", recorded.messages, kept.display()))?;
-    if is_there && !is_complete {
-        note(format!("{} is unchanged", args.out.display()));
-    }
+    line(format!("{} messages in {}", recorded.messages, args.out.display()))?;
     ending
 }

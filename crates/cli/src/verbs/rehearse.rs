@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
-    AdaptConfig, AdaptStep, Adapted, IdentifyMethod, RehearsalConfig, RehearsalStep, Round, SIGHT_READER,
-    adapt_on_robot, adapted_before, best_round, find_song, policy_called, rehearse_on_robot, shipped_policy,
+    AdaptConfig, AdaptStep, Adapted, IdentifyMethod, Iteration, RehearsalConfig, RehearsalStep, SIGHT_READER,
+    adapt_on_robot, adapted_before, best_iteration, find_song, policy_called, rehearse_on_robot,
+    shipped_policy,
 };
 use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Job, Mode, shell_word};
@@ -19,22 +20,22 @@ use crate::output::{Ending, line, print_json};
 use crate::progress::stop_flag;
 use crate::status::Status;
 
-/// The song, the robot, and the number of rounds and performances.
+/// The song, the robot, and the number of iterations and performances.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Round 0 plays what was learned in the default simulator. Each later round records the robot (once: four \
+Iteration 0 plays what was learned in the default simulator. Each later iteration records the robot (once: four \
 motions clear of the keyboard, and slow presses of its keys), fits the simulator to that and to the last performances, in that \
 simulator continues the training of the policy that has played best so far (by the mean of F1 and onset F1) for the steps of the preset, \
-and plays again. If it is stopped, the same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: the robot plays SONG in each round. \
-`etude perform` plays other songs with the best round's policy. Keep clear of the robot: it moves to the keyboard by itself before each run.
+and plays again. If it is stopped, the same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: the robot plays SONG in each iteration. \
+`etude perform` plays other songs with the best iteration's policy. Keep clear of the robot: it moves to the keyboard by itself before each run.
 
 Examples:
-  etude rehearse c-major-scale --robot twin --rounds 2
-  etude rehearse twinkle --robot twin --twin-params worn --mode hybrid --rounds 1
-  etude rehearse my-song.mid --robot lab.toml --rounds 3
-  etude rehearse twinkle --simulator out/rehearse-c-major-scale/round-1/identified/identified.toml
-  etude rehearse twinkle --robot twin --twin-params worn --rounds 0 --adapt 10
-  etude rehearse twinkle --preset sight-reader --set trainer.total_steps=300000 --rounds 1")]
+  etude rehearse c-major-scale --robot twin --iterations 2
+  etude rehearse twinkle --robot twin --twin-params worn --mode hybrid --iterations 1
+  etude rehearse my-song.mid --robot lab.toml --iterations 3
+  etude rehearse twinkle --simulator out/rehearse-c-major-scale/iteration-1/identified/identified.toml
+  etude rehearse twinkle --robot twin --twin-params worn --iterations 0 --adapt 10
+  etude rehearse twinkle --preset sight-reader --set trainer.total_steps=300000 --iterations 1")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
@@ -46,10 +47,10 @@ pub struct Args {
     /// `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     twin_params: String,
-    /// Rounds of identifying, training and performing
+    /// Iterations of identifying, training and performing
     #[arg(long, default_value_t = 2)]
-    rounds: usize,
-    /// Performances a round
+    iterations: usize,
+    /// Performances an iteration
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..))]
     runs: u16,
     /// joint-mirroring, hybrid or real
@@ -76,10 +77,10 @@ pub struct Args {
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
-    /// After the rounds, learn on the robot itself for at most this many minutes of playing: the
-    /// policy of round 0 plays in joint-mirroring, or in hybrid with --mode hybrid, and the joint
+    /// After the iterations, learn on the robot itself for at most this many minutes of playing: the
+    /// policy of iteration 0 plays in joint-mirroring, or in hybrid with --mode hybrid, and the joint
     /// errors and the wrongly played keys of a run correct the next run. At least three runs;
-    /// homing and the performances at the end are not counted. With --rounds 0 nothing is fitted
+    /// homing and the performances at the end are not counted. With --iterations 0 nothing is fitted
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     adapt: Option<f64>,
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise
@@ -89,12 +90,12 @@ pub struct Args {
     /// preset
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Keep the replay buffers of the trainings (some 100 MB a round), so that `etude train
+    /// Keep the replay buffers of the trainings (some 100 MB an iteration), so that `etude train
     /// --resume` can continue one
     #[arg(long)]
     keep_replay: bool,
-    /// Print nothing but one JSON array at the end: the rounds. The best one has the highest mean
-    /// of robot_f1 and onset_f1. With --adapt, now or before, an object: rounds and adapted
+    /// Print nothing but one JSON array at the end: the iterations. The best one has the highest mean
+    /// of robot_f1 and onset_f1. With --adapt, now or before, an object: iterations and adapted
     #[arg(long)]
     json: bool,
 }
@@ -118,7 +119,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             RigChoice::Twin(_) => Some(args.twin_params),
             RigChoice::File { .. } => None,
         },
-        rounds: args.rounds,
+        iterations: args.iterations,
         runs: args.runs.into(),
         mode: args.mode,
         preset: args.preset,
@@ -136,17 +137,17 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut page = RehearsalPage::new(&config, &folder);
     let mut tell = |step: &RehearsalStep| {
         show(&mut status, step, &config);
-        if let RehearsalStep::Round(round) = step {
-            page.add(round);
+        if let RehearsalStep::Iteration(iteration) = step {
+            page.add(iteration);
         }
     };
-    let rounds = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, &stop))?;
+    let iterations = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, &stop))?;
     let mut page = page.checked()?;
-    let best = best_round(&rounds);
+    let best = best_iteration(&iterations);
     let there = folder.join("adaptation");
     // The first policy, whatever plays best: one that was trained in a fitted simulator plays worse
     // in this way (docs/results/adaptation.md).
-    let adapted = match (args.adapt, rounds.first()) {
+    let adapted = match (args.adapt, iterations.first()) {
         (Some(minutes), Some(first)) => {
             let adaptation = AdaptConfig {
                 policy: first.policy.clone(),
@@ -167,13 +168,15 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     drop(status);
     if args.json {
         match &adapted {
-            Some(adapted) => print_json(&serde_json::json!({ "rounds": rounds, "adapted": adapted }))?,
-            None => print_json(&rounds)?,
+            Some(adapted) => {
+                print_json(&serde_json::json!({ "iterations": iterations, "adapted": adapted }))?
+            }
+            None => print_json(&iterations)?,
         }
         page.checked()?;
         return Ok(Ending::Done);
     }
-    print(&rounds, config.mode)?;
+    print(&iterations, config.mode)?;
     if let Some(adapted) = &adapted {
         print_adapted(adapted)?;
     }
@@ -181,8 +184,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     line(format!("Read and listen: {}", folder.join(REHEARSAL_PAGE).display()))?;
     if let Some(best) = best {
         let adapted = adapted.filter(|adapted| adapted.is_better_than(best));
-        if adapted.is_none() && best.round + 1 < rounds.len() {
-            line(format!("Round {} played best, not the last one: use its policy", best.round))?;
+        if adapted.is_none() && best.iteration + 1 < iterations.len() {
+            line(format!("Iteration {} played best, not the last one: use its policy", best.iteration))?;
         }
         let twin_params = config
             .twin_params
@@ -209,7 +212,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 }
 
 fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
-    let part = |round: usize, what: &str| format!("round {round} of {}: {what}", config.rounds);
+    let part =
+        |iteration: usize, what: &str| format!("iteration {iteration} of {}: {what}", config.iterations);
     match step {
         RehearsalStep::Recorded(excitation, [number, all]) => {
             status.now(&format!("recorded {excitation} ({number} of {all})"), "");
@@ -217,33 +221,34 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
         RehearsalStep::LeftOut { recording, why } => {
             status.done(&format!("warning: {} is not fitted to: {why}", recording.display()));
         }
-        RehearsalStep::Identifying(round, at) => {
+        RehearsalStep::Identifying(iteration, at) => {
             let [phase, state] = fit_progress(at);
-            status.now(&part(*round, &format!("identifying, {phase}")), &state);
+            status.now(&part(*iteration, &format!("identifying, {phase}")), &state);
         }
-        RehearsalStep::Training(round, at) => {
+        RehearsalStep::Training(iteration, at) => {
             let notes = at.best_notes.map_or_else(String::new, |notes| format!(", {notes}"));
             status.part(
-                &part(*round, "training"),
+                &part(*iteration, "training"),
                 &format!(", step {} of {}{notes}, F1 {:.3}", at.step, at.total, at.best_f1.unwrap_or(0.0)),
                 at.step as f64 / at.total as f64,
             );
         }
-        RehearsalStep::Performed { round, run, notes, f1 } => {
+        RehearsalStep::Performed { iteration, run, notes, f1 } => {
             let played = run + 1;
             let state = format!(", {played} of {} runs played, {notes}, F1 {f1:.3}", config.runs);
-            status.part(&part(*round, "playing"), &state, played as f64 / config.runs as f64);
+            status.part(&part(*iteration, "playing"), &state, played as f64 / config.runs as f64);
         }
-        RehearsalStep::LagMeasured { round, notes, latency_compensation_secs } => {
-            status.done(&format!("round {round}: {}", lag_measured(notes, *latency_compensation_secs)));
+        RehearsalStep::LagMeasured { iteration, notes, latency_compensation_secs } => {
+            status
+                .done(&format!("iteration {iteration}: {}", lag_measured(notes, *latency_compensation_secs)));
         }
-        RehearsalStep::Round(round) => status.done(&format!(
-            "round {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",
-            round.round,
-            round.notes,
-            round.sim_f1,
-            round.robot_f1,
-            100.0 * round.gap
+        RehearsalStep::Iteration(iteration) => status.done(&format!(
+            "iteration {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",
+            iteration.iteration,
+            iteration.notes,
+            iteration.sim_f1,
+            iteration.robot_f1,
+            100.0 * iteration.gap
         )),
     }
 }
@@ -256,10 +261,10 @@ fn minutes(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The mode of an adaptation, in which the robot follows simulated joints, after rounds in this
+/// The mode of an adaptation, in which the robot follows simulated joints, after iterations in this
 /// one.
-fn mirrored(rounds: Mode) -> Mode {
-    if rounds.has_simulation() { rounds } else { Mode::JointMirroring }
+fn mirrored(iterations: Mode) -> Mode {
+    if iterations.has_simulation() { iterations } else { Mode::JointMirroring }
 }
 
 fn show_adapting(status: &mut Status, step: &AdaptStep, runs: usize) {
@@ -295,10 +300,10 @@ fn print_adapted(adapted: &Adapted) -> anyhow::Result<()> {
     ))
 }
 
-fn print(rounds: &[Round], mode: Mode) -> anyhow::Result<()> {
+fn print(iterations: &[Iteration], mode: Mode) -> anyhow::Result<()> {
     line(format!(
         "{:<8}{:>14}{:>8}{:>8}{:>16}{:>16}{:>8}   held-out error of the fingers, mrad",
-        "round",
+        "iteration",
         "notes right",
         "wrong",
         "late",
@@ -306,19 +311,19 @@ fn print(rounds: &[Round], mode: Mode) -> anyhow::Result<()> {
         mode.name(),
         "gap"
     ))?;
-    for round in rounds {
-        let held_out = round
+    for iteration in iterations {
+        let held_out = iteration
             .held_out_rad
             .map_or_else(String::new, |[before, after]| format!("{:.2} → {:.2}", before * 1e3, after * 1e3));
         line(format!(
             "{:<8}{:>14}{:>8.1}{:>8}{:>16.3}{:>16}{:>8}   {held_out}",
-            round.round,
-            format!("{:.1} of {}", round.notes.notes_right, round.notes.notes_due),
-            round.notes.notes_wrong,
-            round.lag_secs.map_or_else(String::new, |lag| format!("{:+.0} ms", lag * 1e3)),
-            round.sim_f1,
-            format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std),
-            format!("{:.1} %", 100.0 * round.gap)
+            iteration.iteration,
+            format!("{:.1} of {}", iteration.notes.notes_right, iteration.notes.notes_due),
+            iteration.notes.notes_wrong,
+            iteration.lag_secs.map_or_else(String::new, |lag| format!("{:+.0} ms", lag * 1e3)),
+            iteration.sim_f1,
+            format!("{:.3} ± {:.3}", iteration.robot_f1, iteration.robot_f1_std),
+            format!("{:.1} %", 100.0 * iteration.gap)
         ))?;
     }
     Ok(())

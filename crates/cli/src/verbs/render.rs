@@ -25,7 +25,7 @@ Examples:
   etude render out/twinkle -o twinkle.mp4
   etude render out/twinkle --at 4.5 --view player -o still.png")]
 pub struct Args {
-    /// A recording (*.mcap), or a folder that holds one
+    /// A recording (*.mcap), or a folder that holds one; of numbered results the latest
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
     /// The file: .mp4 for a video, .png for a still; by default beside the recording, with its name

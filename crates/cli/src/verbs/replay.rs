@@ -17,10 +17,10 @@ for example of the simulation and of the twin, are shown side by side, and the p
 differ.
 
 Examples:
-  etude replay out/twinkle/recording.mcap
-  etude replay out/twinkle out/twinkle-hybrid/run-1.mcap -o both.html")]
+  etude replay out/twinkle
+  etude replay out/twinkle out/twinkle-hybrid/1 -o both.html")]
 pub struct Args {
-    /// Recordings (*.mcap), or folders that hold some
+    /// Recordings (*.mcap), or folders that hold some; of numbered results the latest
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
     /// The page; by default replay.html beside the first recording, or compared.html if they are in

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use clap::ValueHint;
-use etude_lab::{Arrangement, AtSight, easier, find_song, policies, predicted_at_sight};
+use etude_lab::{Arrangement, ZeroShot, easier, find_song, policies, predict_zero_shot};
 use etude_music::{CONTROL_HZ, Note, Song, Split, chords, melody, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
 use etude_task::fingering::Limit;
@@ -14,7 +14,7 @@ use serde_json::json;
 use crate::args::{self, ConfigArgs};
 use crate::files::check_replaceable;
 use crate::output::{Ending, line, note, print_json};
-use crate::status::{LongWork, while_planning};
+use crate::status::planner;
 
 /// Action on songs.
 #[derive(clap::Args)]
@@ -153,14 +153,10 @@ fn show(
     reference.iter().try_for_each(|path| check_replaceable(path, "WAVE"))?;
     let fits = song.check_range();
     let silence = task.initial_silence_secs;
-    let mut planning = LongWork::new(as_json);
-    let mut tell = |share| planning.planned(share);
-    let piece = fits.is_ok().then(|| Piece::for_task_with_progress(&song, task, &mut tell)).transpose()?;
-    drop(planning);
-    let predict = |piece| while_planning(as_json, || predicted_at_sight(&song, task, piece));
-    let at_sight = piece.as_ref().and_then(predict);
-    let arrangement = |piece| while_planning(as_json, || easier(&song, task, piece));
-    let arrangement = piece.as_ref().and_then(arrangement);
+    let mut planner = planner(as_json);
+    let piece = fits.is_ok().then(|| planner.plan(&song, task)).transpose()?;
+    let zero_shot = piece.as_ref().and_then(|piece| predict_zero_shot(&song, task, piece, &mut planner));
+    let arrangement = piece.as_ref().and_then(|piece| easier(&song, task, piece, &mut planner));
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
     let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());
     let position_of = |limit: &Limit| {
@@ -189,7 +185,7 @@ fn show(
                 json!({"notes": notes, "bar": place.bar, "beat": place.beat, "secs": secs})
             }), "bars": bars.iter().map(|(bar, secs, chords)| {
                 json!({"bar": bar, "secs": secs, "chords": chords})
-            }).collect::<Vec<_>>(), "warnings": warnings, "at_sight": at_sight, "easier": arrangement, "fingering": limits.map(|limits| json!({
+            }).collect::<Vec<_>>(), "warnings": warnings, "zero_shot": zero_shot, "easier": arrangement, "fingering": limits.map(|limits| json!({
                 "summary": limits.to_string(),
                 "limits": limits.notes.iter().map(|limit| {
                     let (place, secs) = position_of(limit);
@@ -216,7 +212,7 @@ fn show(
         print_first(warnings.iter().map(|warning| format!("warning: {warning}")))?;
         if let Some(limits) = limits {
             line(format!("With three fingers: {limits}"))?;
-            if let Some(AtSight { notes_right, f1 }) = at_sight {
+            if let Some(ZeroShot { notes_right, f1 }) = zero_shot {
                 line(format!("Predicted zero-shot: {notes_right} of {notes} notes, F1 {f1:.2}"))?;
             }
             let wide = limits.notes.iter().filter(|limit| limit.is_chord()).count();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::ValueHint;
-use etude_lab::{Run, SIGHT_READER, beginning_with, cannot_be_played, find_song, policy_called};
+use etude_lab::{Planner, Run, SIGHT_READER, beginning_with, cannot_be_played, find_song, policy_called};
 use etude_learn::{Outcome, StopReason};
 use etude_music::Song;
 use etude_perform::{NoteCounts, shell_line, shell_word};
@@ -13,7 +13,7 @@ use serde_json::json;
 use crate::args::{self, ConfigArgs, slug};
 use crate::output::{Ending, is_broken_pipe, line, note, print_json};
 use crate::progress::{Progress, evaluation_summary, stop_flag};
-use crate::status::while_planning;
+use crate::status::planner;
 
 /// Song, configuration and limits of a training.
 #[derive(clap::Args)]
@@ -61,11 +61,9 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let limit = args.minutes.map(|minutes| Duration::from_secs_f64(minutes * 60.0));
     let stop = stop_flag()?;
+    let mut planner = planner(args.json);
     let (folder, mut run) = match (&args.resume, &args.song) {
-        (Some(folder), _) => {
-            let resume = || Run::resume(folder, &args.config.overrides);
-            (folder.clone(), while_planning(args.json, resume)?)
-        }
+        (Some(folder), _) => (folder.clone(), Run::resume(folder, &args.config.overrides, &mut planner)?),
         (None, Some(name)) => {
             let song = find_song(name)?;
             let source = args.from.as_deref().map(policy_called).transpose()?;
@@ -78,8 +76,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 PathBuf::from(format!("runs/{}__{}__{}", slug(name), args.config.preset, config.trainer.seed))
             });
             let command = shell_line(std::env::args());
-            let start = || Run::start(song, config, &folder, &command, source.as_deref());
-            let run = while_planning(args.json, start)?;
+            let run = Run::start(song, config, &folder, &command, source.as_deref(), &mut planner)?;
             (folder, run)
         }
         (None, None) => {
@@ -90,13 +87,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 .clone()
                 .unwrap_or_else(|| PathBuf::from(format!("runs/{SIGHT_READER}__{}", config.trainer.seed)));
             let command = shell_line(std::env::args());
-            let start = || Run::start_corpus(config, &folder, &command, source.as_deref());
-            let run = while_planning(args.json, start)?;
+            let run = Run::start_corpus(config, &folder, &command, source.as_deref())?;
             (folder, run)
         }
     };
     if !args.json {
-        ignore_broken_pipe(announce(&run, &args, &folder))?;
+        ignore_broken_pipe(announce(&run, &args, &folder, &mut planner))?;
     }
     let mut progress = Progress::new(&run, limit, args.json, stop);
     let outcome = run.run(&mut progress);
@@ -112,11 +108,11 @@ fn ignore_broken_pipe(printed: anyhow::Result<()>) -> anyhow::Result<()> {
     printed.or_else(|error| if is_broken_pipe(&error) { Ok(()) } else { Err(error) })
 }
 
-fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
+fn announce(run: &Run, args: &Args, folder: &Path, planner: &mut Planner<'_>) -> anyhow::Result<()> {
     if let Some(song) = run.song() {
         let task = &run.config().task;
         let quick = task.plan.warnings(song).into_iter().map(|warning| warning.to_string());
-        let hard = while_planning(args.json, || cannot_be_played(song, task))?;
+        let hard = cannot_be_played(song, task, planner)?;
         for warning in hard.into_iter().chain(quick) {
             note(format!("warning: {warning}"));
         }

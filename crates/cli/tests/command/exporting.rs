@@ -47,7 +47,7 @@ fn a_model_says_all_that_is_needed_to_play() {
         let policy = format!("--policy {}", shipped(policy).display());
         sandbox.ok(&format!("export onnx {song} {policy} -o {name}.onnx"));
         sandbox.ok(&format!("perform {song} {policy} --robot twin -o {name}"));
-        let files = [format!("{name}.onnx"), format!("{name}/run-1.mcap")].map(|file| sandbox.path(file));
+        let files = [format!("{name}.onnx"), format!("{name}/1/run-1.mcap")].map(|file| sandbox.path(file));
         check_elsewhere("check_contract.py", &files);
     }
 }

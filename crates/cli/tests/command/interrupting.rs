@@ -46,7 +46,7 @@ fn interrupted_in_the_second_run(sandbox: &Sandbox, more: &str) -> std::process:
     // The second is past the way to the keyboard when more than half of its recording is there.
     let folder = sandbox.path(more.split_whitespace().last().unwrap());
     let size = |run: &str| std::fs::metadata(folder.join(run)).map_or(0, |file| file.len());
-    while size("run-2.mcap") < size("run-1.mcap") * 6 / 10 {
+    while size("1/run-2.mcap") < size("1/run-1.mcap") * 6 / 10 {
         std::thread::sleep(Duration::from_millis(5));
     }
     processes::signal(child.id(), "INT");
@@ -58,7 +58,7 @@ fn an_interrupted_performance_counts_in_no_mean() {
     let sandbox = Sandbox::new();
     let output = interrupted_in_the_second_run(&sandbox, "-o open");
     assert_eq!(output.status.code(), Some(3));
-    let report: Value = serde_json::from_slice(&sandbox.bytes("open/report.json")).unwrap();
+    let report: Value = serde_json::from_slice(&sandbox.bytes("open/1/report.json")).unwrap();
     let runs = report["runs"].as_array().unwrap();
     assert_eq!(runs[1]["ending"], "interrupted", "{report}");
     assert!(runs.len() == 2 && runs[1]["f1"].as_f64().unwrap() < runs[0]["f1"].as_f64().unwrap(), "{report}");
@@ -93,7 +93,7 @@ fn a_closed_terminal_stops_as_ctrl_c_does() {
     let sandbox = Sandbox::new();
     sandbox.ok("record --robot twin --excitation rail -o rail.mcap");
     for (args, sign, result) in [
-        ("perform ode-to-joy --scripted -o robot", "robot/run-1.mcap", "robot/report.json"),
+        ("perform ode-to-joy --scripted -o robot", "robot/1/run-1.mcap", "robot/1/report.json"),
         ("identify rail.mcap -o fit", "fit/state.json", "fit/identified.toml"),
         ("gallery -o gallery", "gallery/recordings", "gallery/index.html"),
     ] {
@@ -115,7 +115,7 @@ fn ctrl_c_has_one_code_in_every_long_command() {
     // A gallery of one recording is complete at once.
     std::fs::create_dir(sandbox.path("takes")).unwrap();
     for take in 0..20 {
-        std::fs::copy(sandbox.path("out/recording.mcap"), sandbox.path(format!("takes/{take}.mcap")))
+        std::fs::copy(sandbox.path("out/1/recording.mcap"), sandbox.path(format!("takes/{take}.mcap")))
             .unwrap();
     }
     let mut commands = vec![
@@ -123,7 +123,7 @@ fn ctrl_c_has_one_code_in_every_long_command() {
         "record --robot twin --secs 600 -o still.mcap",
         "evaluate ode-to-joy --scripted --worlds 100000",
         "identify rail.mcap -o fit",
-        "rehearse ode-to-joy --rounds 1",
+        "rehearse ode-to-joy --iterations 1",
         "gallery takes -o gallery",
         "train ode-to-joy -o run",
         "experiment run songs --runs trials",
@@ -168,67 +168,53 @@ fn a_performance_that_is_interrupted_before_it_plays_leaves_nothing() {
     let sandbox = Sandbox::new();
     // The recording is opened when the robot starts.
     let said = interrupted_at(sandbox.command("perform ode-to-joy --scripted -o begun"), |_| {
-        sandbox.path("begun/run-1.mcap")
+        sandbox.path("begun/1/run-1.mcap")
     });
     assert!(said.contains("interrupted before a run was complete"), "{said}");
     assert!(!sandbox.path("begun").exists());
 }
 
 #[test]
-fn a_performance_on_a_robot_replaces_all_of_an_earlier_one_or_nothing() {
+fn a_performance_on_a_robot_replaces_no_other() {
     let sandbox = Sandbox::new();
     sandbox.ok("perform short.mid --scripted --runs 2 -o there");
     sandbox.ok("replay there");
-    let whole = sandbox.bytes("there/run-1.mcap");
-    // The earlier recording is moved aside when the new one begins, that of another song to a
-    // folder of its own.
-    let perform = sandbox.command("perform ode-to-joy --scripted -o there");
-    let said = interrupted_at(perform, |_| sandbox.path("there-scripted"));
+    let whole = sandbox.bytes("there/1/run-1.mcap");
+    let said = interrupted_at(sandbox.command("perform ode-to-joy --scripted -o there"), |_| {
+        sandbox.path("there/2/run-1.mcap")
+    });
     assert!(said.contains("interrupted before a run was complete"), "{said}");
-    assert!(!sandbox.path("there-scripted").exists());
-    assert_eq!(sandbox.bytes("there/run-1.mcap"), whole);
-    assert!(sandbox.path("there/run-2.wav").is_file() && sandbox.path("there/replay.html").is_file());
+    assert!(!sandbox.path("there/2").exists(), "there is no music in it");
 
-    // A fault is kept to be looked at, and the performance before it too.
-    let failed =
-        sandbox.command("perform short.mid --scripted --fault can-bus-off@10.5 -o there").output().unwrap();
-    assert!(errors(&failed).contains("the earlier performance is in there/earlier"), "{}", errors(&failed));
-    assert_eq!(sandbox.bytes("there/earlier/run-1.mcap"), whole);
-    assert_ne!(sandbox.bytes("there/run-1.mcap"), whole);
+    // A fault is kept to be looked at, and is not the latest.
+    let failed = sandbox.command("perform short.mid --scripted --fault can-bus-off@10.5 -o there");
+    assert_eq!({ failed }.output().unwrap().status.code(), Some(1));
+    assert!(sandbox.path("there/2/run-1.mcap").is_file());
+    assert_eq!(sandbox.bytes("there/latest/run-1.mcap"), whole);
+    assert!(
+        sandbox.path("there/latest/run-2.wav").is_file() && sandbox.path("there/1/replay.html").is_file()
+    );
 
     sandbox.ok("perform short.mid --scripted -o there");
-    assert!(!sandbox.path("there/run-2.mcap").exists() && !sandbox.path("there/replay.html").exists());
-    assert!(!sandbox.path("there/earlier").exists());
-    sandbox.ok("compare there there");
+    assert_eq!(sandbox.bytes("there/latest/report.json"), sandbox.bytes("there/3/report.json"));
+    assert!(!sandbox.path("there/latest/run-2.mcap").exists());
+    assert_eq!(sandbox.bytes("there/1/run-1.mcap"), whole);
+    sandbox.ok("compare there there/2");
 }
 
 #[test]
-fn an_interrupted_play_leaves_the_folder_as_it_was() {
+fn an_interrupted_play_leaves_nothing() {
     let sandbox = Sandbox::new();
     sandbox.ok("play short.mid --scripted -o mine");
-    sandbox.ok("replay mine");
-    let seen = || {
-        let mut names: Vec<_> =
-            std::fs::read_dir(sandbox.path("mine")).unwrap().map(|file| file.unwrap().path()).collect();
-        names.sort();
-        names.into_iter().map(|path| (std::fs::read(&path).unwrap(), path)).collect::<Vec<_>>()
-    };
-    let before = seen();
-    let mut unfinished = PathBuf::new();
-    let said = interrupted_at(sandbox.command("play ode-to-joy --scripted -o mine"), |child| {
-        unfinished = sandbox.path(format!("mine/.unfinished-{}", child.id()));
-        unfinished.join("recording.mcap")
+    let said = interrupted_at(sandbox.command("play ode-to-joy --scripted -o mine"), |_| {
+        sandbox.path("mine/2/recording.mcap")
     });
     assert!(said.contains("nothing was written"), "{said}");
-    assert!(seen() == before && !unfinished.exists());
-    let _ = interrupted_at(sandbox.command("play ode-to-joy --scripted -o new"), |child| {
-        sandbox.path(format!("new/.unfinished-{}", child.id())).join("recording.mcap")
+    assert!(!sandbox.path("mine/2").exists() && sandbox.path("mine/latest/report.json").is_file());
+    let _ = interrupted_at(sandbox.command("play ode-to-joy --scripted -o new"), |_| {
+        sandbox.path("new/1/recording.mcap")
     });
     assert!(!sandbox.path("new").exists());
-
-    // When it is done, the page of the performance before is gone with it.
-    sandbox.ok("play short.mid --scripted --set task.physics.key.threshold=0.6 -o mine");
-    assert!(!sandbox.path("mine/replay.html").exists() && seen() != before);
 }
 
 #[test]
@@ -237,14 +223,13 @@ fn each_player_has_a_folder_of_its_own() {
     let folder = |args: &str| {
         let report = sandbox.json(&format!("play twinkle {args} --json"));
         let midi = report["files"]["midi"].as_str().unwrap().to_string();
-        midi.strip_suffix("/performance.mid").unwrap().to_string()
+        midi.strip_suffix("/1/performance.mid").unwrap().to_string()
     };
     assert_eq!(folder(""), "out/twinkle");
     assert_eq!(folder("--scripted"), "out/twinkle-scripted");
     std::fs::create_dir_all(sandbox.path("runs/other-run")).unwrap();
     std::fs::copy(crate::shipped("twinkle"), sandbox.path("runs/other-run/policy-best.safetensors")).unwrap();
     assert_eq!(folder("--policy runs/other-run"), "out/twinkle-other-run");
-    assert_eq!(folder("--policy runs/other-run/policy-best.safetensors"), "out/twinkle-other-run");
     assert_eq!(folder("--set task.physics.key.threshold=0.6"), "out/twinkle-threshold-0-6");
 }
 
@@ -253,36 +238,19 @@ fn each_player_has_a_folder_of_its_own() {
 #[test]
 fn a_new_best_policy_replaces_no_performance_of_another() {
     let sandbox = Sandbox::new();
-    let said = |args: &str| {
-        let output = sandbox.command(args).output().unwrap();
-        assert!(output.status.success(), "{}", errors(&output));
-        errors(&output)
-    };
     let player = |folder: &str| {
         let report = std::fs::read_to_string(sandbox.path(folder).join("report.json")).unwrap();
         serde_json::from_str::<Value>(&report).unwrap()["player"].as_str().unwrap().to_string()
     };
-    assert_eq!(said("play twinkle"), "");
-    let heard = sandbox.bytes("out/twinkle/performance.wav");
+    sandbox.ok("play twinkle");
     std::fs::create_dir_all(sandbox.path("runs/twinkle__mine")).unwrap();
     std::fs::copy(crate::shipped("twinkle"), sandbox.path("runs/twinkle__mine/policy-best.safetensors"))
         .unwrap();
-    let moved = said("play twinkle");
-    assert!(moved.starts_with("the earlier performance of Twinkle"), "{moved}");
-    assert!(moved.ends_with("was moved from out/twinkle to out/twinkle-twinkle\n"), "{moved}");
-    assert!(player("out/twinkle").contains("twinkle__mine"), "{}", player("out/twinkle"));
-    assert!(player("out/twinkle-twinkle").ends_with("policies/twinkle.safetensors"));
-    assert_eq!(sandbox.bytes("out/twinkle-twinkle/performance.wav"), heard);
-    sandbox.ok("replay out/twinkle-twinkle");
-    assert_eq!(said("play twinkle"), "");
-
-    sandbox.ok("perform short.mid --scripted --runs 2 -o robot");
-    let moved = said("perform short.mid --policy runs/twinkle__mine -o robot");
-    assert!(moved.contains("was moved from robot to robot-scripted\n"), "{moved}");
-    assert_eq!(player("robot-scripted"), "scripted");
-    assert!(
-        sandbox.path("robot-scripted/run-2.mcap").is_file() && !sandbox.path("robot/run-2.mcap").exists()
-    );
+    sandbox.ok("play twinkle");
+    assert!(player("out/twinkle/1").ends_with("policies/twinkle.safetensors"));
+    assert!(player("out/twinkle/latest").contains("twinkle__mine"));
+    // Of several results a gallery shows the latest.
+    assert_eq!(sandbox.json("gallery out --json")["exhibits"].as_array().unwrap().len(), 1);
 }
 
 #[test]
@@ -299,25 +267,19 @@ fn a_policy_in_another_world_says_so() {
 }
 
 #[test]
-fn a_recording_is_replaced_by_a_complete_one_only() {
+fn a_recording_is_not_replaced() {
     let sandbox = Sandbox::new();
     sandbox.ok("record --robot twin --secs 1 -o r.mcap");
     let before = sandbox.bytes("r.mcap");
-    let again = || sandbox.command("record --robot twin --secs 600 -o r.mcap");
-    // Before the robot is ready there is nothing to keep.
-    let _ = interrupted_at(again(), |_| sandbox.path("r.new.mcap"));
-    assert!(sandbox.bytes("r.mcap") == before && !sandbox.path("r.new.mcap").exists());
-    let child = again().stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let output = sandbox.command("record --robot twin --secs 2 -o r.mcap").output().unwrap();
+    assert!(errors(&output).contains("r.mcap exists: choose another name"), "{}", errors(&output));
+    assert!(output.status.code() == Some(1) && sandbox.bytes("r.mcap") == before);
+    // One that is interrupted is kept.
+    let child = sandbox.command("record --robot twin --secs 600 -o long.mcap");
+    let child = { child }.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let long = |file: std::fs::Metadata| file.len() as usize > before.len();
-    while !std::fs::metadata(sandbox.path("r.new.mcap")).is_ok_and(long) {
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
+    wait_for("it records", || std::fs::metadata(sandbox.path("long.mcap")).is_ok_and(long));
     processes::signal(child.id(), "INT");
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(3));
-    assert!(errors(&output).contains("the earlier recording r.mcap is kept"), "{}", errors(&output));
-    assert!(sandbox.bytes("r.mcap") == before);
-    assert!(etude_perform::Recording::read(&sandbox.path("r.new.mcap")).is_ok(), "and the new one too");
-    sandbox.ok("record --robot twin --secs 2 -o r.mcap");
-    assert!(sandbox.bytes("r.mcap") != before && !sandbox.path("r.new.mcap").exists());
+    assert_eq!(child.wait_with_output().unwrap().status.code(), Some(3));
+    assert!(etude_perform::Recording::read(&sandbox.path("long.mcap")).is_ok());
 }

@@ -22,7 +22,7 @@ fn kill_recordings(robot: &[f64], lockstep: &[f64]) {
     for (index, moment) in robot.iter().chain(lockstep).enumerate() {
         let is_live = index < robot.len();
         let file =
-            sandbox.path(&if is_live { format!("{index}.mcap") } else { format!("{index}/run-1.mcap") });
+            sandbox.path(&if is_live { format!("{index}.mcap") } else { format!("{index}/1/run-1.mcap") });
         let mut command = match is_live {
             true => sandbox.command(&format!("{live} -o {index}.mcap")),
             false => sandbox.command(&format!("{in_lockstep} -o {index}")),

@@ -23,21 +23,25 @@ value = 0.9
 
 const NOTES: &str = "# Setup\n\nPreset `fast`, **one** seed. <b>Text</b>\n\n- one\n- two\n";
 
-/// Plays a rehearsal's first round, and puts another one beside it that has the same performance:
+/// Plays a rehearsal's first iteration, and puts another one beside it that has the same performance:
 /// the same command then writes the page of both.
 fn rehearse(sandbox: &Sandbox) {
     let rehearse = "rehearse c-major-scale --robot twin --runs 1 --seed 3 -o rehearsal";
-    sandbox.ok(&format!("{rehearse} --rounds 0"));
-    let mut round: Value = serde_json::from_slice(&sandbox.bytes("rehearsal/round-0/round.json")).unwrap();
-    round["round"] = 1.into();
-    round["gap"] = (-0.01).into();
-    round["held_out_rad"] = serde_json::json!([0.013, 0.0017]);
-    round["physics"] = serde_json::json!({ "joint.rail.delay": 0.0123 });
-    std::fs::create_dir(sandbox.path("rehearsal/round-1")).unwrap();
-    std::fs::write(sandbox.path("rehearsal/round-1/round.json"), round.to_string()).unwrap();
-    sandbox.ok(&format!("{rehearse} --rounds 1"));
+    sandbox.ok(&format!("{rehearse} --iterations 0"));
+    let mut iteration: Value =
+        serde_json::from_slice(&sandbox.bytes("rehearsal/iteration-0/iteration.json")).unwrap();
+    iteration["iteration"] = 1.into();
+    iteration["gap"] = (-0.01).into();
+    iteration["held_out_rad"] = serde_json::json!([0.013, 0.0017]);
+    iteration["physics"] = serde_json::json!({ "joint.rail.delay": 0.0123 });
+    std::fs::create_dir(sandbox.path("rehearsal/iteration-1")).unwrap();
+    std::fs::write(sandbox.path("rehearsal/iteration-1/iteration.json"), iteration.to_string()).unwrap();
+    sandbox.ok(&format!("{rehearse} --iterations 1"));
     let page = String::from_utf8(sandbox.bytes("rehearsal/rehearsal.html")).unwrap();
-    assert!(page.contains("href=\"round-0/performance/run-1.html\"") && !page.contains(".mcap"), "{page}");
+    assert!(
+        page.contains("href=\"iteration-0/performance/1/run-1.html\"") && !page.contains(".mcap"),
+        "{page}"
+    );
     assert!(page.contains("Notes right on the robot") && page.contains("gap (%)"), "{page}");
 }
 

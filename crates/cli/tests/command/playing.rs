@@ -18,7 +18,7 @@ fn a_performance_is_kept_whole() {
     succeed(sandbox.tiny("short.mid -o run --json"));
     let printed = sandbox.json("play short.mid --policy run -o out --json");
 
-    let report: serde_json::Value = serde_json::from_slice(&sandbox.bytes("out/report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&sandbox.bytes("out/1/report.json")).unwrap();
     assert_eq!(report, printed);
     for key in [
         "precision",
@@ -34,38 +34,38 @@ fn a_performance_is_kept_whole() {
         assert!(report[key].is_number(), "{key} in {report}");
     }
 
-    let rows = csv(&sandbox.bytes("out/frames.csv"));
+    let rows = csv(&sandbox.bytes("out/1/frames.csv"));
     assert_eq!(rows[0], ["step", "due", "pressed"]);
     let steps = report["steps"].as_u64().unwrap() as usize;
     assert_eq!(rows.len(), 1 + steps);
     let pitches = |text: &String| text.split_whitespace().map(|p| p.parse().unwrap()).collect::<Vec<u8>>();
 
-    let recording = Recording::read(&sandbox.path("out/recording.mcap")).unwrap();
+    let recording = Recording::read(&sandbox.path("out/1/recording.mcap")).unwrap();
     assert!(recording.complete && recording.steps.len() == steps && recording.header.joints.len() == 13);
     for ((row, step), due) in rows[1..].iter().zip(&recording.steps).zip(&recording.header.due) {
         assert_eq!((&pitches(&row[1]), &pitches(&row[2])), (due, &step.pressed));
     }
     let strikes = recording.keys.iter().filter(|key| key.velocity > 0).count();
 
-    match Song::load(sandbox.path("out/performance.mid")) {
+    match Song::load(sandbox.path("out/1/performance.mid")) {
         Ok(played) => assert!(!played.notes().is_empty() && strikes > 0),
         Err(error) => assert!(strikes == 0 && error.to_string().contains("no notes"), "{error}"),
     }
 
-    let wav = sandbox.bytes("out/performance.wav");
+    let wav = sandbox.bytes("out/1/performance.wav");
     assert_eq!((&wav[..4], &wav[8..12], &wav[36..40]), (&b"RIFF"[..], &b"WAVE"[..], &b"data"[..]));
     let data = u32::from_le_bytes(wav[40..44].try_into().unwrap()) as usize;
     assert_eq!((wav.len(), u16::from_le_bytes([wav[34], wav[35]])), (44 + data, 16));
 
     let text = sandbox.ok("play short.mid --policy run/policy-last.safetensors -o again");
-    assert!(text.contains("F1") && text.contains("again/performance.wav"), "{text}");
+    assert!(text.contains("F1") && text.contains("again/1/performance.wav"), "{text}");
     // The same policy, the same world: the same keys. And a run's own copy of the song is that
     // song.
     succeed(sandbox.command("play run/song.mid --policy run -o copy"));
-    assert_eq!(sandbox.bytes("out/frames.csv"), sandbox.bytes("copy/frames.csv"));
+    assert_eq!(sandbox.bytes("out/1/frames.csv"), sandbox.bytes("copy/1/frames.csv"));
     let output = sandbox.command("play run/song.mid --policy run -o copy").output().unwrap();
     assert_eq!(errors(&output), "");
-    check_elsewhere("check_performance.py", &[sandbox.path("out")]);
+    check_elsewhere("check_performance.py", &[sandbox.path("out/latest")]);
     check_elsewhere("check_tfevents.py", &[sandbox.path("run")]);
 }
 
@@ -131,7 +131,7 @@ pub(crate) fn read_elsewhere(script: &str, files: &[PathBuf]) -> Option<String> 
 fn the_sound_of_the_shipped_twinkle_has_its_onsets() {
     let sandbox = Sandbox::new();
     sandbox.ok("play twinkle -o out");
-    check_elsewhere("check_sound.py", &[sandbox.path("out")]);
+    check_elsewhere("check_sound.py", &[sandbox.path("out/latest")]);
 }
 
 #[test]

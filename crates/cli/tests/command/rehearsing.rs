@@ -61,7 +61,7 @@ fn recordings_that_would_mislead_are_refused_with_the_reason() {
     std::fs::write(sandbox.path("note.txt"), "no recording").unwrap();
     for (args, said) in [
         ("identify rest.mcap", "it has no commands"),
-        ("identify sim/recording.mcap", "what rig it was made on"),
+        ("identify sim/1/recording.mcap", "what rig it was made on"),
         ("identify note.txt", "not a recording of Étude"),
         ("identify nowhere.mcap", "nowhere.mcap"),
         ("identify rest.mcap --method sgd", "unknown variant `sgd`, expected `lm` or `bo`"),
@@ -80,7 +80,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     let sandbox = Sandbox::new();
     let rehearse = |out: &str| {
         let mut command =
-            sandbox.command("rehearse short.mid --robot twin --rounds 1 --runs 1 --evaluations 2");
+            sandbox.command("rehearse short.mid --robot twin --iterations 1 --runs 1 --evaluations 2");
         command.args(TINY.iter().flat_map(|set| ["--set", set])).args(["--json", "-o", out]);
         command
     };
@@ -89,44 +89,47 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
         assert!(output.status.success(), "{}", errors(&output));
         serde_json::from_slice(&output.stdout).unwrap()
     };
-    let rounds = finish("a");
-    assert_eq!(rounds.len(), 2);
-    assert!(rounds[0]["held_out_rad"].is_null() && rounds[1]["held_out_rad"][1].as_f64().unwrap() > 0.0);
-    assert!(sandbox.path(rounds[1]["recordings"][0].as_str().unwrap()).is_file());
-    let replay = |out: &str| sandbox.path(out).join("round-1/training/checkpoints/replay").exists();
+    let iterations = finish("a");
+    assert_eq!(iterations.len(), 2);
+    assert!(
+        iterations[0]["held_out_rad"].is_null() && iterations[1]["held_out_rad"][1].as_f64().unwrap() > 0.0
+    );
+    assert!(sandbox.path(iterations[1]["recordings"][0].as_str().unwrap()).is_file());
+    let replay = |out: &str| sandbox.path(out).join("iteration-1/training/checkpoints/replay").exists();
     assert!(!replay("a"), "it takes up space");
     let places = [
-        "round-0/training/run.lock",
+        "iteration-0/training/run.lock",
         "excitation/chirp.partial",
-        "round-1/identified/state.json",
-        "round-1/training/run.lock",
-        "round-1/performance/run-1.mcap",
+        "iteration-1/identified/state.json",
+        "iteration-1/training/run.lock",
+        "iteration-1/performance/1/run-1.mcap",
     ];
     for place in places {
         interrupt_at(rehearse("b"), &sandbox.path("b").join(place), "-KILL");
     }
     let same = finish("b");
-    for (round, same) in rounds.iter().zip(&same) {
+    for (iteration, same) in iterations.iter().zip(&same) {
         for key in ["sim_f1", "robot_f1", "latency_compensation_secs", "lag_secs", "physics", "held_out_rad"]
         {
-            assert_eq!(round[key], same[key], "{key}");
+            assert_eq!(iteration[key], same[key], "{key}");
         }
     }
     let mut told =
-        sandbox.command("rehearse short.mid --robot twin --rounds 1 --runs 1 --evaluations 2 -o told");
+        sandbox.command("rehearse short.mid --robot twin --iterations 1 --runs 1 --evaluations 2 -o told");
     let said = told.args(TINY.iter().flat_map(|set| ["--set", set])).output().unwrap();
     for part in [
-        "round 0 of 1: training, step ",
+        "iteration 0 of 1: training, step ",
         "recorded chirp (2 of 5)",
-        "round 1: run to measure how late the notes are",
+        "iteration 1: run to measure how late the notes are",
     ] {
         assert!(errors(&said).contains(part), "{part}: {}", errors(&said));
     }
     let mut kept = rehearse("kept");
     assert!(kept.arg("--keep-replay").output().unwrap().status.success() && replay("kept"));
     let page = String::from_utf8(sandbox.bytes("b/rehearsal.html")).unwrap();
-    for round in 0..2 {
-        let take = format!("round-{round}/performance/run-1.wav");
+    // The first performance of the second iteration was killed.
+    for (iteration, number) in [(0, 1), (1, 2)] {
+        let take = format!("iteration-{iteration}/performance/{number}/run-1.wav");
         assert!(
             page.contains(&format!("src=\"{take}\"")) && sandbox.path("b").join(&take).is_file(),
             "{page}"
@@ -136,7 +139,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     // fitted.
     assert!(
         rehearse("drives")
-            .args(["--simulator", "a/round-1/identified/identified.toml"])
+            .args(["--simulator", "a/iteration-1/identified/identified.toml"])
             .output()
             .unwrap()
             .status
@@ -149,7 +152,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
         ["held-out.mcap", "keys.mcap"].map(Into::into).into()
     );
     let changed =
-        sandbox.command("rehearse short.mid --robot twin --rounds 1 --runs 2 -o a").output().unwrap();
+        sandbox.command("rehearse short.mid --robot twin --iterations 1 --runs 2 -o a").output().unwrap();
     assert!(errors(&changed).contains("another rehearsal"), "{}", errors(&changed));
 }
 
@@ -159,7 +162,8 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
 fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     let sandbox = Sandbox::new();
     let rehearse = |out: &str| {
-        let rest = "--twin-params worn --rounds 0 --runs 2 --set task.plan.latency_compensation_secs=0.08";
+        let rest =
+            "--twin-params worn --iterations 0 --runs 2 --set task.plan.latency_compensation_secs=0.08";
         let mut command = sandbox.command(&format!("rehearse twinkle --robot twin {rest} --json"));
         command.current_dir(sandbox.path(out)).args(["-o", "there"]);
         command
@@ -195,14 +199,15 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     let page = String::from_utf8(sandbox.bytes("a/there/rehearsal.html")).unwrap();
     for part in [
         "Learned on the robot itself",
-        "href=\"adaptation/run-02/run-1.html\"",
-        "href=\"adaptation/performance/run-2.html\"",
-        "src=\"adaptation/performance/run-2.wav\"",
+        "href=\"adaptation/run-02/1/run-1.html\"",
+        "href=\"adaptation/performance/1/run-2.html\"",
+        "src=\"adaptation/performance/1/run-2.wav\"",
     ] {
         assert!(page.contains(part), "{part} is not in {page}");
     }
 
-    for place in ["run-01/run-1.mcap", "run-02/adapted.json", "run-07/adapted.json", "performance/run-2.mcap"]
+    for place in
+        ["run-01/1/run-1.mcap", "run-02/adapted.json", "run-07/adapted.json", "performance/1/run-2.mcap"]
     {
         interrupt_at(adapt("b"), &sandbox.path("b/there/adaptation").join(place), "-KILL");
     }
@@ -254,8 +259,9 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
 #[test]
 fn an_adaptation_after_rounds_in_hybrid_execution_plays_in_it() {
     let sandbox = Sandbox::new();
-    let output = sandbox
-        .ok("rehearse twinkle --robot twin --mode hybrid --rounds 0 --runs 1 --adapt 0.1 --json -o there");
+    let output = sandbox.ok(
+        "rehearse twinkle --robot twin --mode hybrid --iterations 0 --runs 1 --adapt 0.1 --json -o there",
+    );
     let report: Value = serde_json::from_str(&output).unwrap();
     assert_eq!(report["adapted"]["mode"], "hybrid");
     let again =
@@ -263,31 +269,31 @@ fn an_adaptation_after_rounds_in_hybrid_execution_plays_in_it() {
     assert_eq!(serde_json::from_str::<Value>(&again).unwrap()["mode"], "hybrid");
 }
 
-/// With a corpus the rounds continue the sight-reader for all songs; the song is what the robot
+/// With a corpus the iterations continue the sight-reader for all songs; the song is what the robot
 /// plays.
 #[test]
 #[ignore = "takes a minute: `make test-heavy`, which .ci/run calls"]
 fn the_sight_reader_is_adapted_once_for_all_songs() {
     let sandbox = Sandbox::new();
     let mut command = sandbox
-        .command("rehearse short.mid --preset sight-reader --rounds 1 --runs 1 --evaluations 2 --json");
+        .command("rehearse short.mid --preset sight-reader --iterations 1 --runs 1 --evaluations 2 --json");
     let sets = ["trainer.total_steps=400", "trainer.warmup_steps=100", "corpus.validation_pieces=1"];
     let output = command.args(sets.iter().flat_map(|set| ["--set", set])).output().unwrap();
     assert!(output.status.success(), "{}", errors(&output));
-    let rounds: Vec<Value> = serde_json::from_slice(&output.stdout).unwrap();
+    let iterations: Vec<Value> = serde_json::from_slice(&output.stdout).unwrap();
     assert!(
-        rounds[0]["policy"].as_str().unwrap().ends_with("policies/sight-reader.safetensors"),
-        "{rounds:?}"
+        iterations[0]["policy"].as_str().unwrap().ends_with("policies/sight-reader.safetensors"),
+        "{iterations:?}"
     );
-    let training = "out/rehearse-sight-reader/round-1/training";
-    assert!(rounds[1]["policy"].as_str().unwrap().starts_with(training), "{rounds:?}");
+    let training = "out/rehearse-sight-reader/iteration-1/training";
+    assert!(iterations[1]["policy"].as_str().unwrap().starts_with(training), "{iterations:?}");
     // It learned the corpus, in the fitted simulator.
     assert!(!sandbox.path(training).join("song.mid").exists());
     let config = String::from_utf8(sandbox.bytes(format!("{training}/config.toml"))).unwrap();
     assert!(config.contains("[corpus]") && config.contains("joint.rail.delay"), "{config}");
-    let lead = |round: usize| rounds[round]["latency_compensation_secs"].as_f64().unwrap();
-    let late = rounds[1]["lag_secs"].as_f64().unwrap();
-    assert!((0.0..=0.25).contains(&lead(1)) && lead(1) != 0.025 && late.abs() < 0.03, "{rounds:?}");
+    let lead = |iteration: usize| iterations[iteration]["latency_compensation_secs"].as_f64().unwrap();
+    let late = iterations[1]["lag_secs"].as_f64().unwrap();
+    assert!((0.0..=0.25).contains(&lead(1)) && lead(1) != 0.025 && late.abs() < 0.03, "{iterations:?}");
     // It plays other songs too.
     let lead = format!("task.plan.latency_compensation_secs={}", lead(1));
     let report = sandbox.json(&format!("perform twinkle --policy {training} --set {lead} -o twinkle --json"));

@@ -105,7 +105,7 @@ fn a_video_has_picture_and_sound() {
         probe["streams"].as_array().unwrap().iter().map(|s| s["codec_type"].as_str().unwrap()).collect();
     assert_eq!(kinds, BTreeSet::from(["audio", "video"]));
     let secs: f64 = probe["format"]["duration"].as_str().unwrap().parse().unwrap();
-    let report: Value = serde_json::from_slice(&sandbox.bytes("out/report.json")).unwrap();
+    let report: Value = serde_json::from_slice(&sandbox.bytes("out/1/report.json")).unwrap();
     let played = report["steps"].as_f64().unwrap() / 20.0;
     assert!((secs - played).abs() < 0.2, "{secs} s of {played}");
     assert!(!sandbox.path("video.partial.mp4").exists() && !sandbox.path("video.partial.wav").exists());

@@ -15,7 +15,7 @@ fn data(page: &[u8]) -> Value {
     serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
 }
 
-/// A sandbox with `out/recording.mcap`, the scripted baseline's performance of `short.mid`.
+/// A sandbox with `out/1/recording.mcap`, the scripted baseline's performance of `short.mid`.
 pub fn played() -> Sandbox {
     let sandbox = Sandbox::new();
     sandbox.ok("play short.mid --scripted -o out");
@@ -33,12 +33,12 @@ fn refuses(sandbox: &Sandbox, args: &str, part: &str) {
 fn a_page_holds_what_was_recorded() {
     let sandbox = played();
     let printed = sandbox.json("replay out --json");
-    let page = sandbox.bytes("out/replay.html");
+    let page = sandbox.bytes("out/1/replay.html");
     assert_eq!(printed["bytes"], page.len());
     assert!(page.len() < 4_000_000, "{} bytes", page.len());
     let data = data(&page);
     let take = &data["takes"][0];
-    let rows = csv(&sandbox.bytes("out/frames.csv"));
+    let rows = csv(&sandbox.bytes("out/1/frames.csv"));
     let pitches = |text: &str| -> Vec<u64> { text.split_whitespace().map(|p| p.parse().unwrap()).collect() };
     for (step, row) in rows[1..].iter().enumerate() {
         let of = |list: &str| -> Vec<u64> {
@@ -47,7 +47,7 @@ fn a_page_holds_what_was_recorded() {
         assert_eq!((of("due"), of("pressed")), (pitches(&row[1]), pitches(&row[2])), "step {step}");
     }
     assert_eq!(take["positions"].as_array().unwrap().len(), rows.len() - 1);
-    let report: Value = serde_json::from_slice(&sandbox.bytes("out/report.json")).unwrap();
+    let report: Value = serde_json::from_slice(&sandbox.bytes("out/1/report.json")).unwrap();
     let f1 = report["f1"].as_f64().unwrap();
     assert!((take["final"]["f1"].as_f64().unwrap() - f1).abs() < 1e-12);
     assert!((take["running"]["f1"].as_array().unwrap().last().unwrap().as_f64().unwrap() - f1).abs() < 1e-4);
@@ -86,7 +86,7 @@ fn simulation_and_twin_stand_side_by_side_with_the_moments_where_they_part() {
     assert_eq!(notes("replay led out -o led.html"), "");
     let led = self::data(&sandbox.bytes("led.html"));
     assert_eq!(led["takes"][0]["due"], led["takes"][1]["due"]);
-    let report: Value = serde_json::from_slice(&sandbox.bytes("led/report.json")).unwrap();
+    let report: Value = serde_json::from_slice(&sandbox.bytes("led/1/report.json")).unwrap();
     let f1 = led["takes"][0]["final"]["f1"].as_f64().unwrap();
     assert!((f1 - report["robot_f1"].as_f64().unwrap()).abs() < 1e-9, "{f1}");
     // They part where other keys are heard, 0.11 s − 25 ms after the end of each control step, and
@@ -133,7 +133,7 @@ fn simulation_and_twin_stand_side_by_side_with_the_moments_where_they_part() {
 #[test]
 fn half_a_recording_is_shown_as_far_as_it_goes() {
     let sandbox = played();
-    let whole = sandbox.bytes("out/recording.mcap");
+    let whole = sandbox.bytes("out/1/recording.mcap");
     std::fs::write(sandbox.path("half.mcap"), &whole[..whole.len() / 2]).unwrap();
     let output = sandbox.command("replay half.mcap -o half.html").output().unwrap();
     assert!(output.status.success() && errors(&output).contains("as far as it goes"), "{}", errors(&output));
@@ -152,7 +152,8 @@ fn two_performances_are_compared_note_by_note() {
     let compared = sandbox.json("compare out early -o both.html --json");
     let notes = compared["notes"].as_array().unwrap();
     for (side, folder) in ["out", "early"].into_iter().enumerate() {
-        let report: Value = serde_json::from_slice(&sandbox.bytes(format!("{folder}/report.json"))).unwrap();
+        let report: Value =
+            serde_json::from_slice(&sandbox.bytes(format!("{folder}/1/report.json"))).unwrap();
         let count = |what: &str| report[what].as_u64().unwrap() as usize;
         assert_eq!(notes.len(), count("matched") + count("missed"));
         let strokes: Vec<&Value> =
@@ -208,7 +209,7 @@ fn no_text_of_a_recording_becomes_markup() {
     run(&["play", evil, "--scripted", "-o", "out"]);
     run(&["replay", "out"]);
     run(&["gallery", "out", "-o", "gallery"]);
-    let page = String::from_utf8(sandbox.bytes("out/replay.html")).unwrap();
+    let page = String::from_utf8(sandbox.bytes("out/1/replay.html")).unwrap();
     let index = String::from_utf8(sandbox.bytes("gallery/index.html")).unwrap();
     assert!(!page.contains("<img src=x") && !index.contains("<img src=x"));
     assert!(index.contains("&lt;img src=x"));

@@ -23,12 +23,12 @@ fn every_mode_plays_on_the_twin() {
         let run = &report["runs"][0];
         assert_eq!((&run["ending"], &run["timing"]["missed"]), (&"complete".into(), &0.into()));
         assert_eq!(run["alongside_f1"].is_null(), mode == "real");
-        let recording = Recording::read(&sandbox.path(format!("{mode}/run-1.mcap"))).unwrap();
+        let recording = Recording::read(&sandbox.path(format!("{mode}/1/run-1.mcap"))).unwrap();
         let steps = run["steps"][0].as_u64().unwrap() as usize;
         assert!(recording.complete && recording.steps.len() == steps && recording.policy.len() == steps);
         assert!(recording.setpoints.len() > 10 * steps && recording.hand.len() > 16 * steps);
         assert!(recording.notes.iter().any(|(_, note)| note.text == "following"));
-        check_elsewhere("check_robot_recording.py", &[sandbox.path(mode)]);
+        check_elsewhere("check_robot_recording.py", &[sandbox.path(mode).join("latest")]);
     }
 }
 
@@ -63,8 +63,8 @@ fn notes_are_on_time_by_a_run_before_or_by_the_proposed_lead() {
     assert!(errors(&output).contains("run to measure how late the notes are"), "{}", errors(&output));
     assert!(errors(&output).contains("from now on the plan leads by"), "{}", errors(&output));
     // The run that measures is none of those that are kept.
-    assert!(sandbox.path("played/run-1.mcap").is_file() && !sandbox.path("played/run-2.mcap").exists());
-    let report = std::fs::read(sandbox.path("played/report.json")).unwrap();
+    assert!(sandbox.path("played/1/run-1.mcap").is_file() && !sandbox.path("played/1/run-2.mcap").exists());
+    let report = std::fs::read(sandbox.path("played/1/report.json")).unwrap();
     is_on_time(&serde_json::from_slice(&report).unwrap());
 
     let said = sandbox.ok(&format!("{args} --set task.plan.latency_compensation_secs=0.025"));
@@ -85,12 +85,15 @@ fn the_same_seed_gives_the_same_recording_byte_for_byte() {
     };
     play("a", "--runs 2 --seed 5");
     play("b", "--seed 6");
-    assert!(sandbox.bytes("a/run-2.mcap") == sandbox.bytes("b/run-1.mcap"), "seed 5, second run, is seed 6");
     assert!(
-        sandbox.bytes("a/run-1.mcap") != sandbox.bytes("a/run-2.mcap"),
+        sandbox.bytes("a/1/run-2.mcap") == sandbox.bytes("b/1/run-1.mcap"),
+        "seed 5, second run, is seed 6"
+    );
+    assert!(
+        sandbox.bytes("a/1/run-1.mcap") != sandbox.bytes("a/1/run-2.mcap"),
         "runs differ as they do on a robot"
     );
-    assert_eq!(sandbox.bytes("a/run-2.mid"), sandbox.bytes("b/run-1.mid"));
+    assert_eq!(sandbox.bytes("a/1/run-2.mid"), sandbox.bytes("b/1/run-1.mid"));
 }
 
 #[test]
@@ -145,7 +148,7 @@ fn an_ordered_fault_cuts_the_performance_short() {
             !output.status.success() && text.contains("ended with a fault") && text.contains(said),
             "{text}"
         );
-        let recording = Recording::read(&sandbox.path("f/run-1.mcap")).unwrap();
+        let recording = Recording::read(&sandbox.path("f/1/run-1.mcap")).unwrap();
         let note = recording.notes.iter().find(|(_, note)| note.kind == "fault");
         assert!(
             note.is_some_and(|(_, note)| note.text.contains(said) || note.text.contains("arm")),

@@ -137,7 +137,10 @@ fn what_was_made_is_there_after_a_restart() {
     let of = |key: &str| -> Vec<Value> {
         performances.as_array().unwrap().iter().map(|performance| performance[key].clone()).collect()
     };
-    assert_eq!(of("recording"), ["out/short-scripted-real/run-1.mcap", "out/short-scripted/recording.mcap"]);
+    assert_eq!(
+        of("recording"),
+        ["out/short-scripted-real/1/run-1.mcap", "out/short-scripted/1/recording.mcap"]
+    );
     assert_eq!((of("player"), of("mode")), (vec!["scripted".into(); 2], vec!["real".into(), Value::Null]));
     assert_eq!(of("notes_due"), [3, 3]);
     // No policy has learned it, so the sight-reader plays at sight, and the page names it.
@@ -146,17 +149,17 @@ fn what_was_made_is_there_after_a_restart() {
     let newest = server.state()["performances"][0].clone();
     assert_eq!(
         (&newest["recording"], &newest["player"]),
-        (&"out/short/recording.mcap".into(), &about["policy"])
+        (&"out/short/1/recording.mcap".into(), &about["policy"])
     );
     assert!(about["policy"].as_str().unwrap().ends_with("/sight-reader.safetensors"), "{about}");
     // Its replay names it too.
-    let replay = server.get("files/out/short/replay.html");
+    let replay = server.get("files/out/short/1/replay.html");
     assert!(String::from_utf8_lossy(&replay.body).contains("sight-reader.safetensors"));
     // The same files as the verb writes by itself.
     sandbox.ok("play songs/short.mid --scripted -o same");
     assert_eq!(
-        sandbox.bytes("same/performance.wav"),
-        server.get("files/out/short-scripted/performance.wav").body
+        sandbox.bytes("same/1/performance.wav"),
+        server.get("files/out/short-scripted/1/performance.wav").body
     );
     let [one, other] = of("recording").try_into().unwrap();
     let compared = server.does(&json!({ "verb": "compare", "one": one, "other": other }));
@@ -173,7 +176,7 @@ fn what_was_made_is_there_after_a_restart() {
         assert_eq!(before[key], after[key], "{key}");
     }
     // Each run of a performance has a page of its own.
-    assert_eq!(after["performances"][1]["page"], "out/short-scripted-real/run-1.html");
+    assert_eq!(after["performances"][1]["page"], "out/short-scripted-real/1/run-1.html");
     assert_eq!(after["jobs"], json!([]));
     let run = &after["runs"][0];
     assert_eq!((&run["run"], &run["song"]), (&"runs/short__fast__0".into(), &"short".into()));
@@ -310,6 +313,6 @@ fn a_dropped_song_is_heard() {
     tests.env("ETUDE_PAGE", server.address()).env("ETUDE_SONG", song).env("ETUDE_SETTINGS", TINY.join(" "));
     let said = all_pass(tests);
     println!("{}", said.lines().find(|line| line.contains("from the drop")).unwrap());
-    assert!(sandbox.path("out/au-clair-de-la-lune/performance.wav").is_file());
+    assert!(sandbox.path("out/au-clair-de-la-lune/latest/performance.wav").is_file());
     assert_eq!(std::fs::read_dir(sandbox.path("screenshots")).unwrap().count(), 4);
 }

@@ -62,7 +62,7 @@ fn a_sight_reader_is_trained_resumed_and_plays_what_has_no_policy_of_its_own() {
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert_eq!(said.lines().count(), 1, "{said}");
     assert!(
-        said.contains("`short.mid` has no policy of its own: ") && said.contains("plays it at sight"),
+        said.contains("`short.mid` has no policy of its own: ") && said.contains("plays it zero-shot"),
         "{said}"
     );
     assert!(said.contains("`etude train short.mid --from sight-reader`"), "{said}");
@@ -100,7 +100,7 @@ fn a_sight_reader_is_trained_resumed_and_plays_what_has_no_policy_of_its_own() {
     // A song's own policy comes first, unless it has learned less.
     succeed(sandbox.tiny("short.mid -o runs/short__fast__0"));
     let said = errors(&sandbox.command("play short.mid").output().unwrap());
-    assert!(said.contains("has a policy that plays ") && said.contains("plays it at sight"), "{said}");
+    assert!(said.contains("has a policy that plays ") && said.contains("plays it zero-shot"), "{said}");
 }
 
 /// Notes and F1 as `songs show` predicts them, and as the shipped sight-reader plays them.
@@ -119,9 +119,9 @@ fn what_is_predicted_is_what_happens() {
         let shown = sandbox.json(&format!("songs show {song} --json"));
         let report = sandbox.json(&format!("play {song} --policy {} -o out --json", policy.display()));
         let notes = |report: &Value, name: &str| report[name].as_f64().unwrap();
-        let away = notes(&shown["at_sight"], "notes_right") - notes(&report, "matched");
+        let away = notes(&shown["zero_shot"], "notes_right") - notes(&report, "matched");
         assert!(away.abs() <= 2.0 + 0.1 * notes(&shown, "notes"), "{song}: {shown} and {report}");
-        predicted.push(notes(&shown["at_sight"], "f1"));
+        predicted.push(notes(&shown["zero_shot"], "f1"));
         played.push(notes(&report, "f1"));
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
@@ -139,10 +139,10 @@ fn what_is_predicted_is_what_happens() {
         .save(sandbox.path("four.mid"))
         .unwrap();
     let said = sandbox.ok("songs show four.mid");
-    assert!(said.contains("Predicted at sight: 3 of 4 notes, F1 0."), "{said}");
+    assert!(said.contains("Predicted zero-shot: 3 of 4 notes, F1 0."), "{said}");
     assert!(said.contains("Chords too wide, or of more notes than fingers: 1 of these"), "{said}");
     assert!(
-        sandbox.json("songs show four.mid --preset paper --json")["at_sight"].is_null(),
+        sandbox.json("songs show four.mid --preset paper --json")["zero_shot"].is_null(),
         "without a fingering"
     );
 }

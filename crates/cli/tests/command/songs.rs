@@ -220,7 +220,7 @@ fn a_song_that_does_not_fit_is_arranged() {
         sandbox.ok(command);
         let arranged = sandbox.json("songs show easier.mid --json");
         assert_eq!(arranged["notes"], easier["notes"]);
-        assert_eq!(arranged["at_sight"]["notes_right"], arranged["notes"], "{arranged}");
+        assert_eq!(arranged["zero_shot"]["notes_right"], arranged["notes"], "{arranged}");
         assert!(arranged["easier"].is_null(), "there is nothing to gain");
         std::fs::remove_file(sandbox.path("easier.mid")).unwrap();
     }

@@ -130,7 +130,7 @@ fn a_robot_stops_soon_after_its_controller_or_guard() {
 
 /// A controller on its way to the keyboard, or one that plays.
 fn begin(sandbox: &Sandbox, rig: &str, homing: bool) -> Child {
-    let file = sandbox.path("p/run-1.mcap");
+    let file = sandbox.path("p/1/run-1.mcap");
     let _ = std::fs::remove_file(&file);
     let mut command =
         sandbox.command(&format!("perform ode-to-joy --mode real --scripted --home --robot {rig} -o p"));

@@ -106,10 +106,10 @@ fn however_a_controller_ends_the_robot_is_let_go() {
     assert!(is_safe(twin.seen(&sandbox)), "both killed, then stopped");
 
     // A file that cannot be written is told with the robot let go.
-    std::fs::create_dir_all(sandbox.path("full/run-1.mcap")).unwrap();
+    std::fs::write(sandbox.path("full"), "no folder").unwrap();
     let failed = sandbox.command(&format!("perform short.mid --scripted --robot {rig} --home -o full"));
     let failed = { failed }.output().unwrap();
-    assert!(errors(&failed).contains("run-1.mcap"), "{}", errors(&failed));
+    assert!(errors(&failed).contains("cannot make the folder full"), "{}", errors(&failed));
     assert!(is_safe(twin.seen(&sandbox)), "a file that cannot be written");
 }
 
@@ -139,7 +139,7 @@ fn a_stop_is_not_lost_while_a_controller_starts() {
     let stop = sandbox.json(&format!("robot stop --robot {rig} --json"));
     assert_eq!(stop["sure"], true, "{stop}");
     names_the_stop(perform);
-    assert!(!sandbox.path("p/run-1.wav").exists() && is_safe(twin.seen(&sandbox)));
+    assert!(!sandbox.path("p/1/run-1.wav").exists() && is_safe(twin.seen(&sandbox)));
     // Afterwards it can be used again.
     assert_eq!(sandbox.json(&format!("robot check --robot {rig} --json"))["fault"], Value::Null);
     assert!(!bus.exists());
@@ -154,7 +154,7 @@ fn a_stop_on_the_way_is_named_by_the_controller() {
     let rig = twin.rig.display();
     let mut perform = sandbox.command(&format!("perform ode-to-joy --scripted --robot {rig} --home -o p"));
     let perform = perform.stderr(Stdio::piped()).spawn().unwrap();
-    wait_for("it never recorded", || sandbox.path("p/run-1.mcap").exists());
+    wait_for("it never recorded", || sandbox.path("p/1/run-1.mcap").exists());
     std::thread::sleep(Duration::from_secs(2));
     let stop = sandbox.json(&format!("robot stop --robot {rig} --json"));
     assert_eq!(stop["sure"], true, "{stop}");
@@ -316,7 +316,7 @@ fn a_release_that_is_not_confirmed_does_not_hide_its_cause() {
     let output = sandbox.command(play).output().unwrap();
     let said = errors(&output);
     assert!(says_both(&said), "{said}");
-    assert!(sandbox.path("f/run-1.wav").exists() && sandbox.path("f/report.json").exists());
+    assert!(sandbox.path("f/1/run-1.wav").exists() && sandbox.path("f/1/report.json").exists());
 
     // The same bus is off all the time for a check and on the way home, and after 14 s for a
     // recording.

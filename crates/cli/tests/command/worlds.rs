@@ -8,9 +8,9 @@ use crate::{Sandbox, csv, errors, processes, succeed, wait_for};
 fn the_table_holds_what_the_summary_says() {
     let sandbox = Sandbox::new();
     succeed(sandbox.tiny("short.mid -o run --json"));
-    let printed = sandbox.json("evaluate short.mid --policy run --worlds 12 --json -o table/worlds.csv");
-    assert_eq!((&printed["worlds"], &printed["csv"]), (&12.into(), &"table/worlds.csv".into()));
-    let rows = csv(&sandbox.bytes("table/worlds.csv"));
+    let printed = sandbox.json("evaluate short.mid --policy run --worlds 12 --json -o table");
+    assert_eq!((&printed["worlds"], &printed["csv"]), (&12.into(), &"table/1/worlds.csv".into()));
+    let rows = csv(&sandbox.bytes("table/latest/worlds.csv"));
     let scores = [
         "world",
         "player",
@@ -41,39 +41,33 @@ fn the_table_holds_what_the_summary_says() {
     again.env("RAYON_NUM_THREADS", "1");
     let text = succeed(again);
     assert!(text.contains("worst tenth") && text.contains("what matters most"), "{text}");
-    assert_eq!(sandbox.bytes("out/short-run/worlds.csv"), sandbox.bytes("table/worlds.csv"));
+    assert_eq!(sandbox.bytes("out/short-run-worlds/1/worlds.csv"), sandbox.bytes("table/latest/worlds.csv"));
     // A player that strikes its keys: another seed draws other worlds, which show.
     let seeded = |seed: u64| {
-        let asked = format!("evaluate short.mid --scripted --worlds 12 --seed {seed} -o other.csv --json");
+        let asked = format!("evaluate short.mid --scripted --worlds 12 --seed {seed} -o other --json");
         sandbox.json(&asked)["scores"].clone()
     };
     assert_ne!(seeded(0), seeded(1));
 }
 
 #[test]
-fn the_table_of_another_player_is_kept() {
+fn no_table_is_replaced() {
     let sandbox = Sandbox::new();
-    sandbox.ok("evaluate short.mid --scripted --worlds 1 -o worlds.csv");
-    let before = sandbox.bytes("worlds.csv");
-    sandbox.ok("evaluate short.mid --scripted --worlds 2 -o worlds.csv");
-    assert!(sandbox.bytes("worlds.csv").len() > before.len(), "its own table is replaced");
-    let before = sandbox.bytes("worlds.csv");
-    succeed(sandbox.tiny("short.mid -o run --json"));
-    let other = sandbox.command("evaluate short.mid --policy run --worlds 1 -o worlds.csv").output().unwrap();
-    assert!(
-        errors(&other).contains("worlds.csv is the table of another player: choose another file with -o")
-    );
-    assert!(!other.status.success() && sandbox.bytes("worlds.csv") == before);
+    for (number, worlds) in [(1, 1), (2, 2)] {
+        sandbox.ok(&format!("evaluate short.mid --scripted --worlds {worlds} -o tables"));
+        assert_eq!(csv(&sandbox.bytes(format!("tables/{number}/worlds.csv"))).len(), worlds + 2);
+    }
+    assert_eq!(sandbox.bytes("tables/latest/worlds.csv"), sandbox.bytes("tables/2/worlds.csv"));
 }
 
 #[test]
 fn an_interruption_ends_it_without_a_table() {
     let sandbox = Sandbox::new();
-    let mut command = sandbox.command("evaluate short.mid --scripted --worlds 100000 -o worlds.csv");
+    let mut command = sandbox.command("evaluate short.mid --scripted --worlds 100000 -o tables");
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     wait_for("its handler is there", || processes::catches_interrupts(child.id()));
     processes::signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
-    assert!(output.stdout.is_empty() && !sandbox.path("worlds.csv").exists());
+    assert!(output.stdout.is_empty() && !sandbox.path("tables").exists());
 }

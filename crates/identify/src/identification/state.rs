@@ -33,7 +33,6 @@ pub(super) struct State {
     /// Path, length and start of each recording, to recognise them.
     motions: Vec<(String, usize, [f64; DRIVEN_JOINTS])>,
     /// Paths of what is estimated, to recognise the state of a build that estimated something else.
-    #[serde(default)]
     rows: Vec<String>,
     pub params: PhysicalParams,
     pub ended: Vec<PassEnd>,

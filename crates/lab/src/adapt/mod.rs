@@ -4,8 +4,9 @@
 //!
 //! ```text
 //! DIR/adaptation.json    the configuration
-//! DIR/run-NN/            a run: run-1.mcap and the scores; adapted.json, written last, has the result and what the next run plays
-//! DIR/performance/       the performances with the correction of the best run
+//! DIR/run-NN/N/          a run: run-1.mcap and the scores
+//! DIR/run-NN/adapted.json  its result and what the next run plays; written last
+//! DIR/performance/N/     the performances with the correction of the best run
 //! DIR/correction.json    that correction, for `etude perform --correction`
 //! DIR/result.json        the scores; written last
 //! ```
@@ -24,11 +25,13 @@ use etude_perform::{Job, Mode, NoteCounts};
 use etude_stage::RAIL;
 use serde::{Deserialize, Serialize};
 
-use crate::correction::{CorrectionFile, OnlyFor, joint_mirroring, load, save};
+use crate::correction::{CorrectionFile, OnlyFor, load, save};
 use crate::folder::make_folder;
 use crate::pianist::{Pianist, load_pianist};
+use crate::planner::Planner;
 use crate::play::REFERENCE;
-use crate::rehearse::Round;
+use crate::rehearse::Iteration;
+use crate::results::latest_result;
 use crate::robot::{
     MeanNotes, RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot, robot_score, run_file,
 };
@@ -49,7 +52,6 @@ pub struct AdaptConfig {
     /// The policy.
     pub policy: PathBuf,
     /// Joint mirroring or hybrid: the robot follows simulated joints.
-    #[serde(default = "joint_mirroring")]
     pub mode: Mode,
     /// How long is played to learn, min, but at least three runs. Homing and the performances at the end are not counted. More may be
     /// given later.
@@ -119,9 +121,9 @@ pub struct Adapted {
 }
 
 impl Adapted {
-    /// Whether it plays better on the robot than this round, by the mean of F1 and onset F1.
-    pub fn is_better_than(&self, round: &Round) -> bool {
-        robot_score(self.robot_f1, &self.notes) > round.score()
+    /// Whether it plays better on the robot than this iteration, by the mean of F1 and onset F1.
+    pub fn is_better_than(&self, iteration: &Iteration) -> bool {
+        robot_score(self.robot_f1, &self.notes) > iteration.score()
     }
 }
 
@@ -159,8 +161,9 @@ pub fn adapt_on_robot(
     if let Some(done) = load::<Adapted>(&folder.join(RESULT))? {
         return Ok(done);
     }
-    let runs = adaptation.learn(job)?;
-    adaptation.finish(&runs, job)
+    let mut planner = Planner::default();
+    let runs = adaptation.learn(&mut planner, job)?;
+    adaptation.finish(&runs, &mut planner, job)
 }
 
 /// What an adaptation of this policy in `folder` has learned, if one is complete there.
@@ -216,7 +219,11 @@ impl Adaptation<'_> {
     }
 
     /// All runs, each with what it played: those that are there already, and the others.
-    fn learn(&self, job: &mut Job<'_, AdaptStep>) -> anyhow::Result<Vec<(Played, AdaptRun)>> {
+    fn learn(
+        &self,
+        planner: &mut Planner<'_>,
+        job: &mut Job<'_, AdaptStep>,
+    ) -> anyhow::Result<Vec<(Played, AdaptRun)>> {
         let most = (60.0 * self.config.minutes / self.song.duration_secs()).floor() as usize;
         let most = most.max(MEASURING + 1);
         let (mut runs, mut next) = (Vec::new(), Played::default());
@@ -225,7 +232,7 @@ impl Adaptation<'_> {
             let folder = self.folder.join(format!("run-{:02}", index + 1));
             let stored = match load::<Stored>(&folder.join("adapted.json"))? {
                 Some(stored) => stored,
-                None => self.learn_once(index, &next, &folder, job)?,
+                None => self.learn_once(index, &next, &folder, planner, job)?,
             };
             job.report(&AdaptStep::Adapting(index, most, stored.run));
             runs.push((next, stored.run));
@@ -244,14 +251,15 @@ impl Adaptation<'_> {
         index: usize,
         played: &Played,
         folder: &Path,
+        planner: &mut Planner<'_>,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<Stored> {
         let told = |_: &RobotStep| None;
-        let report = self.play(played, (1, 1000 + index as u64), folder, told, job)?;
+        let report = self.play(played, (1, 1000 + index as u64), folder, told, planner, job)?;
         // There are many runs. `etude replay` makes the sound again from a recording.
         for sound in [run_file(0, "wav"), REFERENCE.to_string()] {
             // If it cannot be removed, it only takes up space.
-            let _ = std::fs::remove_file(folder.join(sound));
+            let _ = std::fs::remove_file(latest_result(folder).join(sound));
         }
         let run = &report.runs[0];
         let notes = Notes {
@@ -277,7 +285,12 @@ impl Adaptation<'_> {
     }
 
     /// Plays with the correction of the best run as often as was asked for, and writes the result.
-    fn finish(&self, runs: &[(Played, AdaptRun)], job: &mut Job<'_, AdaptStep>) -> anyhow::Result<Adapted> {
+    fn finish(
+        &self,
+        runs: &[(Played, AdaptRun)],
+        planner: &mut Planner<'_>,
+        job: &mut Job<'_, AdaptStep>,
+    ) -> anyhow::Result<Adapted> {
         let best = best(runs);
         let (played, _) = &runs[best];
         let correction = self.keep(played)?;
@@ -289,7 +302,7 @@ impl Adaptation<'_> {
             }
         };
         let folder = self.folder.join("performance");
-        let report = self.play(played, (self.config.runs, 0), &folder, performed, job)?;
+        let report = self.play(played, (self.config.runs, 0), &folder, performed, planner, job)?;
         let done = Adapted {
             adapting: runs.iter().map(|(_, run)| *run).collect(),
             best,
@@ -332,6 +345,7 @@ impl Adaptation<'_> {
         (runs, seed): (usize, u64),
         folder: &Path,
         told: fn(&RobotStep) -> Option<AdaptStep>,
+        planner: &mut Planner<'_>,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<RobotReport> {
         let mut pianist = self.pianist.clone();
@@ -355,7 +369,7 @@ impl Adaptation<'_> {
             }
         };
         let mut playing = Job::new(&mut tell, interrupt);
-        let report = play_on_robot(&play, Some(folder), &mut playing);
+        let report = play_on_robot(&play, Some(folder), planner, &mut playing);
         all_complete(report, job.is_interrupted(), "adapting")
     }
 }

@@ -14,8 +14,9 @@ use etude_task::bench::{all_cores, stepping};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use crate::choose::sight_reader;
 use crate::machine::{machine, peak_memory_mib};
-use crate::pianist::{Kind, Pianist, sight_reader};
+use crate::pianist::{Kind, Pianist};
 use acting::control_step_secs;
 pub use rate::training_rate;
 

@@ -7,6 +7,7 @@ use etude_learn::{Arithmetic, StopReason, TrainingObserver};
 use etude_music::Song;
 
 use crate::config::resolve;
+use crate::planner::Planner;
 use crate::run::Run;
 
 /// Steps with random actions before the first update. The `paper` preset makes 5,000, which would fill a short measurement. Fewer are
@@ -36,7 +37,7 @@ pub fn training_rate(
     let warmup_rounds = WARMUP_STEPS + 2;
     let limit = Duration::from_secs_f64(secs);
     let mut watch = Watch { warmup_rounds, limit, rounds: 0, began: Instant::now(), took: Duration::ZERO };
-    Run::start(song, config, folder, "etude bench", None)?.run(&mut watch)?;
+    Run::start(song, config, folder, "etude bench", None, &mut Planner::default())?.run(&mut watch)?;
     Ok((watch.rounds - warmup_rounds) as f64 / watch.took.as_secs_f64())
 }
 

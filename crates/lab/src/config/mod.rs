@@ -58,23 +58,6 @@ const FREE: &[&str] = &[
 ];
 
 impl RunConfig {
-    /// The configuration that is stored with a policy. What this build does not have of the trainer, the algorithm and the training's
-    /// part of the [task](TaskConfig::stored) is left out: it says how the policy learned, not how it plays.
-    ///
-    /// # Errors
-    /// If the task has other settings that this build does not have.
-    pub(crate) fn stored(mut value: serde_json::Value) -> serde_json::Result<Self> {
-        let known = serde_json::to_value(Self::default())?;
-        for part in ["trainer", "droq"] {
-            if let Some(settings) = value.get_mut(part).and_then(serde_json::Value::as_object_mut) {
-                settings.retain(|name, _| known[part].get(name).is_some());
-            }
-        }
-        let task = value.as_object_mut().and_then(|parts| parts.remove("task"));
-        let task = task.map(TaskConfig::stored).transpose()?.unwrap_or_default();
-        Ok(Self { task, ..serde_json::from_value(value)? })
-    }
-
     /// With the weight of every reward term, so that the file has the same meaning over any preset.
     pub fn complete(mut self) -> Self {
         for term in etude_task::reward::TERMS {
@@ -322,22 +305,6 @@ mod tests {
         assert!(
             change("task.reward.collision=0").unwrap_err().to_string().contains("`task.reward.collision`")
         );
-    }
-
-    #[test]
-    fn a_policy_of_an_earlier_build_is_read_unless_its_task_is_unknown() {
-        let mut value = serde_json::to_value(RunConfig::default()).unwrap();
-        value["trainer"]["demonstration_share"] = 0.5.into();
-        value["droq"]["discount"] = 0.9.into();
-        value["task"]["randomisation"]["curriculum_steps"] = 1_000.into();
-        value["task"]["random_start"] = true.into();
-        value["task"]["reward"] = serde_json::json!({"preparation": 0.5, "collision": 0.25});
-        let read = RunConfig::stored(value.clone()).unwrap();
-        assert_eq!((read.droq.discount, read.trainer.clone()), (0.9, RunConfig::default().trainer));
-        assert_eq!(read.task.randomisation, etude_task::RandomisationConfig::default());
-        assert_eq!(read.task.reward, [("collision".to_string(), 0.25)].into());
-        value["task"]["gravity"] = true.into();
-        assert!(RunConfig::stored(value).unwrap_err().to_string().contains("gravity"));
     }
 
     #[test]

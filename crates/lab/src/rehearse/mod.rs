@@ -1,19 +1,20 @@
-//! Sim2Real2Sim: record, identify, train, perform, in rounds (paper, "Sim2Real2Sim").
+//! Sim2Real2Sim: record, identify, train, perform, in iterations (paper, "Sim2Real2Sim").
 //!
 //! ```text
-//! DIR/rehearsal.json          the configuration
-//! DIR/excitation/*.mcap       the robot in each excitation
-//! DIR/round-0/                performance of the policy from the default simulator
-//! DIR/round-N/identified/     the simulator fitted to the excitation (once) and to the performances of the round before
-//! DIR/round-N/training/       the best policy so far, trained further in that simulator: on the song, or on the preset's corpus
-//! DIR/round-N/performance/    performance on the robot; recordings, MIDI and sound
-//! DIR/round-N/round.json      the result of the round; written last
+//! DIR/rehearsal.json              the configuration
+//! DIR/excitation/*.mcap           the robot in each excitation
+//! DIR/iteration-0/                performance of the policy from the default simulator
+//! DIR/iteration-N/identified/     the simulator fitted to the excitations (once) and to the
+//!                                 performances of the iteration before
+//! DIR/iteration-N/training/       the best policy so far, trained further in that simulator
+//! DIR/iteration-N/performance/    numbered performances on the robot; recordings, MIDI and sound
+//! DIR/iteration-N/iteration.json  the result of the iteration; written last
 //! ```
 //!
 //! A part gets its final name only when it is complete, and a complete part is not made again. So the same command resumes a
 //! rehearsal that was stopped at any point, also by kill -9.
 
-mod round;
+mod iteration;
 
 use std::path::{Path, PathBuf};
 
@@ -28,11 +29,12 @@ use crate::excitations::record_excitations;
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyReport, identify_robot};
 use crate::pianist::load_pianist;
+use crate::planner::Planner;
 use crate::robot::{RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot};
 use crate::run::{Run, TrainingProgress};
 use crate::warm::beginning_with;
 
-pub use round::{RehearsalConfig, Round, best_round, name_the_lead};
+pub use iteration::{Iteration, RehearsalConfig, best_iteration, name_the_lead};
 
 /// What a rehearsal reports.
 #[derive(Clone, Debug)]
@@ -46,14 +48,14 @@ pub enum RehearsalStep {
         /// Why.
         why: String,
     },
-    /// The fit of a round has advanced.
+    /// The fit of an iteration has advanced.
     Identifying(usize, Progress),
-    /// The training of a round has advanced.
+    /// The training of an iteration has advanced.
     Training(usize, TrainingProgress),
-    /// A run before those of a round has measured how late the notes are.
+    /// A run before those of an iteration has measured how late the notes are.
     LagMeasured {
-        /// The round.
-        round: usize,
+        /// The iteration.
+        iteration: usize,
         /// Its notes.
         notes: NoteCounts,
         /// The lead of the plan against it, s; none if no note can be right with another one, and the lead stays.
@@ -61,8 +63,8 @@ pub enum RehearsalStep {
     },
     /// A run was played.
     Performed {
-        /// The round.
-        round: usize,
+        /// The iteration.
+        iteration: usize,
         /// The run, from 0.
         run: usize,
         /// Its notes.
@@ -70,8 +72,8 @@ pub enum RehearsalStep {
         /// Its F1 by control step.
         f1: f64,
     },
-    /// A round is complete, now or since an earlier call.
-    Round(Round),
+    /// An iteration is complete, now or since an earlier call.
+    Iteration(Iteration),
 }
 
 /// Rehearses `song` on a robot in `folder`, or resumes there.
@@ -84,19 +86,19 @@ pub fn rehearse_on_robot(
     config: &RehearsalConfig,
     folder: &Path,
     job: &mut Job<'_, RehearsalStep>,
-) -> anyhow::Result<Vec<Round>> {
+) -> anyhow::Result<Vec<Iteration>> {
     let rehearsal = Rehearsal { song, rig, config, folder };
     rehearsal.open()?;
-    let mut rounds: Vec<Round> = Vec::new();
-    for round in 0..=config.rounds {
-        let done = match rehearsal.completed(round)? {
+    let mut iterations: Vec<Iteration> = Vec::new();
+    for iteration in 0..=config.iterations {
+        let done = match rehearsal.completed(iteration)? {
             Some(done) => done,
-            None => rehearsal.round(round, &rounds, job)?,
+            None => rehearsal.iterate(iteration, &iterations, job)?,
         };
-        job.report(&RehearsalStep::Round(done.clone()));
-        rounds.push(done);
+        job.report(&RehearsalStep::Iteration(done.clone()));
+        iterations.push(done);
     }
-    Ok(rounds)
+    Ok(iterations)
 }
 
 struct Rehearsal<'a> {
@@ -115,9 +117,9 @@ impl Rehearsal<'_> {
                 let stored: RehearsalConfig = serde_json::from_str(&text).map_err(|error| {
                     unusable(self.folder, format_args!("rehearsal.json is damaged: {error}"))
                 })?;
-                // The number of rounds may change, and threads do not shape the result.
-                let RehearsalConfig { rounds, threads, keep_replay, .. } = *self.config;
-                if (RehearsalConfig { rounds, threads, keep_replay, ..stored }) != *self.config {
+                // The number of iterations may change, and threads do not shape the result.
+                let RehearsalConfig { iterations, threads, keep_replay, .. } = *self.config;
+                if (RehearsalConfig { iterations, threads, keep_replay, ..stored }) != *self.config {
                     return Err(unusable(self.folder, "it holds another rehearsal, with other settings"));
                 }
             }
@@ -128,43 +130,46 @@ impl Rehearsal<'_> {
         Ok(write_file(&file, &(serde_json::to_string_pretty(self.config)? + "\n"))?)
     }
 
-    fn round_folder(&self, round: usize) -> PathBuf {
-        self.folder.join(format!("round-{round}"))
+    fn iteration_folder(&self, iteration: usize) -> PathBuf {
+        self.folder.join(format!("iteration-{iteration}"))
     }
 
-    /// A round that an earlier call has completed.
-    fn completed(&self, round: usize) -> anyhow::Result<Option<Round>> {
-        let path = self.round_folder(round).join("round.json");
+    /// An iteration that an earlier call has completed.
+    fn completed(&self, iteration: usize) -> anyhow::Result<Option<Iteration>> {
+        let path = self.iteration_folder(iteration).join("iteration.json");
         let Ok(bytes) = std::fs::read(&path) else { return Ok(None) };
         serde_json::from_slice(&bytes).map(Some).map_err(|error| {
-            unusable(&path, format_args!("it is damaged ({error}): remove it, and the round is played again"))
+            unusable(
+                &path,
+                format_args!("it is damaged ({error}): remove it, and the iteration is played again"),
+            )
         })
     }
 
-    fn round(
+    fn iterate(
         &self,
-        round: usize,
-        earlier: &[Round],
+        iteration: usize,
+        earlier: &[Iteration],
         job: &mut Job<'_, RehearsalStep>,
-    ) -> anyhow::Result<Round> {
-        let folder = self.round_folder(round);
+    ) -> anyhow::Result<Iteration> {
+        let folder = self.iteration_folder(iteration);
         make_folder(&folder)?;
         let (mut held_out_rad, mut physics, mut layer) = (None, Default::default(), None);
         if let Some(before) = earlier.last() {
-            let report = self.identify(round, before, &folder.join("identified"), job)?;
+            let report = self.identify(iteration, before, &folder.join("identified"), job)?;
             let errors = report.held_out_errors;
             held_out_rad = (!errors.joints.is_empty()).then_some(errors.fingers);
             physics = report.identified.physics;
             layer = Some(report.file);
         }
-        let policy = match (&self.config.policy, best_round(earlier)) {
+        let policy = match (&self.config.policy, best_iteration(earlier)) {
             (Some(policy), None) => policy.clone(),
-            (_, best) => self.train(round, layer.as_deref(), best, job)?,
+            (_, best) => self.train(iteration, layer.as_deref(), best, job)?,
         };
-        let report = self.play(round, &policy, &folder.join("performance"), job)?;
+        let report = self.play(iteration, &policy, &folder.join("performance"), job)?;
         let recordings = report.runs.into_iter().filter_map(|run| run.files).map(|files| files.recording);
-        let done = Round {
-            round,
+        let done = Iteration {
+            iteration,
             notes: report.notes,
             latency_compensation_secs: report.latency_compensation_secs,
             lag_secs: report.lag_secs,
@@ -177,19 +182,19 @@ impl Rehearsal<'_> {
             recordings: recordings.collect(),
             physics,
         };
-        write_file(&folder.join("round.json"), &(serde_json::to_string_pretty(&done)? + "\n"))?;
+        write_file(&folder.join("iteration.json"), &(serde_json::to_string_pretty(&done)? + "\n"))?;
         if !self.config.keep_replay {
-            // The next round begins with the networks. If it cannot be removed, it only takes up space.
+            // The next iteration begins with the networks. If it cannot be removed, it only takes up space.
             let _ = std::fs::remove_dir_all(folder.join("training/checkpoints/replay"));
         }
         Ok(done)
     }
 
-    /// Fits the simulator to the excitations and to the performances of the round before.
+    /// Fits the simulator to the excitations and to the performances of the iteration before.
     fn identify(
         &self,
-        round: usize,
-        before: &Round,
+        iteration: usize,
+        before: &Iteration,
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<IdentifyReport> {
@@ -204,9 +209,9 @@ impl Rehearsal<'_> {
                 Ok(_) => performances.push(path.clone()),
             }
         }
-        // The excitations are the same in each round. Once the drives are fitted to them, the keyboard is left: only its own excitation, the
+        // The excitations are the same in each iteration. Once the drives are fitted to them, the keyboard is left: only its own excitation, the
         // held-out one and the new performances are needed.
-        let fitted_before = (round > 1 || self.config.simulator.is_some()) && !performances.is_empty();
+        let fitted_before = (iteration > 1 || self.config.simulator.is_some()) && !performances.is_empty();
         let wanted: &[Excitation] =
             if fitted_before { &[Excitation::Keys, Excitation::Held] } else { &Excitation::ALL };
         let excitations = record_excitations(
@@ -218,7 +223,7 @@ impl Rehearsal<'_> {
             &mut |excitation, number| job.report(&RehearsalStep::Recorded(excitation, number)),
         )?;
         let start = match &self.config.simulator {
-            Some(file) if round == 1 => {
+            Some(file) if iteration == 1 => {
                 resolve(&self.config.preset, Some(file), &self.config.overrides)?.task.physics
             }
             _ => before.physics.clone(),
@@ -232,41 +237,41 @@ impl Rehearsal<'_> {
             start,
         };
         job.part(
-            |at: &Progress| RehearsalStep::Identifying(round, at.clone()),
+            |at: &Progress| RehearsalStep::Identifying(iteration, at.clone()),
             |job| identify_robot(&what, folder, job),
         )
     }
 
-    /// Trains in the simulator of `layer`, from what the best round so far has learned, for the steps of the preset; resumes a training
+    /// Trains in the simulator of `layer`, from what the best iteration so far has learned, for the steps of the preset; resumes a training
     /// that was interrupted.
     fn train(
         &self,
-        round: usize,
+        iteration: usize,
         layer: Option<&Path>,
-        best: Option<&Round>,
+        best: Option<&Iteration>,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<PathBuf> {
-        let folder = self.round_folder(round).join("training");
+        let folder = self.iteration_folder(iteration).join("training");
         let mut config = resolve(&self.config.preset, layer, &self.config.overrides)?;
         config.trainer.threads = self.config.threads.unwrap_or(config.trainer.threads);
         let source = best.map(|best| best.policy.as_path());
         if let Some(source) = source {
             config = beginning_with(config, source);
         }
-        let command = format!("etude rehearse, round {round}");
+        let command = format!("etude rehearse, iteration {iteration}");
         let song = config.corpus.is_none().then(|| self.song.clone());
-        let mut run = Run::start_or_resume(song, config, &folder, &command, source)?;
-        let told = |at: &TrainingProgress| RehearsalStep::Training(round, *at);
+        let mut run = Run::start_or_resume(song, config, &folder, &command, source, &mut Planner::default())?;
+        let told = |at: &TrainingProgress| RehearsalStep::Training(iteration, *at);
         if job.part(told, |job| run.run_job(job))?.stopped.is_some() {
             return Err(Interrupted::resumable().into());
         }
         Ok(folder)
     }
 
-    /// Plays the song on the robot: once to measure how late its notes are, unless the settings name a lead, and then the runs of the round.
+    /// Plays the song on the robot: once to measure how late its notes are, unless the settings name a lead, and then the runs of the iteration.
     fn play(
         &self,
-        round: usize,
+        iteration: usize,
         policy: &Path,
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
@@ -278,7 +283,7 @@ impl Rehearsal<'_> {
             mode: self.config.mode,
             runs: self.config.runs,
             home: true,
-            seed: self.config.seed.wrapping_add(1000 * round as u64),
+            seed: self.config.seed.wrapping_add(1000 * iteration as u64),
             measures_lag: !name_the_lead(&self.config.overrides),
             correction: None,
             font: None,
@@ -287,17 +292,17 @@ impl Rehearsal<'_> {
             RobotStep::LagMeasured { run, latency_compensation_secs } => {
                 let notes = NoteCounts::from(&run.scores.note);
                 RehearsalStep::LagMeasured {
-                    round,
+                    iteration,
                     notes,
                     latency_compensation_secs: *latency_compensation_secs,
                 }
             }
             RobotStep::RunEnded { index, run } => {
                 let notes = NoteCounts::from(&run.scores.note);
-                RehearsalStep::Performed { round, run: *index, notes, f1: run.scores.frame.f1 }
+                RehearsalStep::Performed { iteration, run: *index, notes, f1: run.scores.frame.f1 }
             }
         };
-        let played = job.part(told, |job| play_on_robot(&play, Some(folder), job));
-        all_complete(played, job.is_interrupted(), &format!("round {round}"))
+        let played = job.part(told, |job| play_on_robot(&play, Some(folder), &mut Planner::default(), job));
+        all_complete(played, job.is_interrupted(), &format!("iteration {iteration}"))
     }
 }

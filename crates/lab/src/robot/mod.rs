@@ -17,11 +17,11 @@ use etude_perform::{
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
 
-use crate::earlier::{remove_files, replacing};
-use crate::errors::{Interrupted, released};
+use crate::errors::{Interrupted, released, unusable};
 use crate::pianist::Pianist;
-use crate::planning::{plan, tell_planning};
+use crate::planner::Planner;
 use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
+use crate::results::in_new_result;
 
 pub use report::{MeanNotes, RobotReport, RobotRun};
 pub(crate) use report::{all_complete, robot_score};
@@ -79,15 +79,17 @@ pub fn run_file(index: usize, kind: &str) -> String {
     format!("run-{}.{kind}", index + 1)
 }
 
-/// Plays on the robot and, if a `folder` is given, writes the files into it; they replace those of an earlier performance. `job` receives
-/// each run when it ends. A run that ends early is the last one, even if it is the one that should measure the lag.
+/// Plays on the robot and, if there is a folder of `results`, writes the files into a new numbered
+/// folder in it. `job` receives each run when it ends. A run that ends early is the last one, even
+/// if it is the one that should measure the lag.
 ///
 /// # Errors
-/// If the robot does not get ready, a file cannot be written, or it was interrupted before the first run ended: the folder then has the
-/// earlier performance, if there was one. A fault during a run is in the report.
+/// If the robot does not get ready, a file cannot be written, or it was interrupted before the
+/// first run ended. A fault during a run is in the report.
 pub fn play_on_robot(
     play: &RobotPlay<'_>,
-    folder: Option<&Path>,
+    results: Option<&Path>,
+    planner: &mut Planner<'_>,
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
     if (play.runs > 1 || play.measures_lag) && !play.home {
@@ -95,7 +97,7 @@ pub fn play_on_robot(
             "several runs need --home: each begins where the song begins, and the one before ends elsewhere"
         );
     }
-    let piece = plan(play.song, &play.pianist.config.task)?;
+    let piece = planner.plan(play.song, &play.pianist.config.task)?;
     if let Some(correction) = play.correction.as_ref().filter(|correction| !correction.is_empty()) {
         if !play.mode.has_simulation() {
             bail!(
@@ -112,11 +114,11 @@ pub fn play_on_robot(
             );
         }
     }
-    let mut play_runs = || {
+    let mut play = |folder: Option<&Path>| {
         let report = if play.measures_lag {
-            play_on_time(play, &piece, folder, job)
+            play_on_time(play, &piece, folder, planner, job)
         } else {
-            play_runs(play, &piece, folder, job)
+            play_runs(play, &piece, folder, planner, job)
         }?;
         // A report written earlier would list the run that only measures the lag as a performance.
         if let Some(folder) = folder {
@@ -124,14 +126,10 @@ pub fn play_on_robot(
         }
         Ok(report)
     };
-    match folder {
-        Some(folder) => {
-            let has_music = |report: &RobotReport| report.runs[0].ending == Ending::Complete;
-            let (title, player) = (piece.title().to_string(), play.pianist.name());
-            let (report, kept) = replacing(folder, [&title, &player], has_music, play_runs)?;
-            Ok(RobotReport { kept, ..report })
-        }
-        None => play_runs(),
+    let is_complete = |report: &RobotReport| report.runs[0].ending == Ending::Complete;
+    match results {
+        Some(results) => in_new_result(results, is_complete, |folder| play(Some(folder))),
+        None => play(None),
     }
 }
 
@@ -140,25 +138,28 @@ fn play_on_time(
     play: &RobotPlay<'_>,
     piece: &Piece,
     folder: Option<&Path>,
+    planner: &mut Planner<'_>,
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
     let once = RobotPlay { runs: 1, seed: play.seed.wrapping_add(play.runs as u64), ..play.clone() };
-    let measured = play_runs(&once, piece, folder, &mut Job::new(&mut |_| {}, job.interrupt()))?;
+    let measured = play_runs(&once, piece, folder, planner, &mut Job::new(&mut |_| {}, job.interrupt()))?;
     let run = &measured.runs[0];
     if run.ending != Ending::Complete {
         job.report(&RobotStep::RunEnded { index: 0, run: run.clone() });
         return Ok(RobotReport { only_measuring: true, ..measured });
     }
     if let Some(folder) = folder {
-        remove_files(folder)?;
+        for file in RUN_FILES.map(|kind| folder.join(run_file(0, kind))) {
+            std::fs::remove_file(&file).map_err(|error| unusable(&file, error))?;
+        }
     }
     let latency_compensation_secs = measured.lead_on_time();
     job.report(&RobotStep::LagMeasured { run: run.clone(), latency_compensation_secs });
     let mut pianist = play.pianist.clone();
     pianist.config.task.plan.latency_compensation_secs =
         latency_compensation_secs.unwrap_or(measured.latency_compensation_secs);
-    let piece = plan(play.song, &pianist.config.task)?;
-    play_runs(&RobotPlay { pianist: &pianist, ..play.clone() }, &piece, folder, job)
+    let piece = planner.plan(play.song, &pianist.config.task)?;
+    play_runs(&RobotPlay { pianist: &pianist, ..play.clone() }, &piece, folder, planner, job)
 }
 
 /// Plays the runs, and writes the files into `folder`.
@@ -166,6 +167,7 @@ fn play_runs(
     play: &RobotPlay<'_>,
     piece: &Piece,
     folder: Option<&Path>,
+    planner: &mut Planner<'_>,
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
     let RobotPlay { pianist, rig, font, .. } = *play;
@@ -173,7 +175,7 @@ fn play_runs(
     if let Some(folder) = folder {
         keep_reference(&folder.join(REFERENCE), piece, font)?;
     }
-    let sim_f1 = scores_in_simulation(pianist, piece)?.frame.f1;
+    let sim_f1 = scores_in_simulation(pianist, piece, planner)?.frame.f1;
     let start = World::new(&task.stage, &task.params().map_err(TaskError::from)?)
         .map_err(TaskError::from)?
         .start_pose();
@@ -193,7 +195,7 @@ fn play_runs(
         let mut writer =
             files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
         let mut session = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
-        let played = one_run(&mut session, play, piece, &start, writer.as_mut(), job.interrupt());
+        let played = one_run(&mut session, play, piece, &start, writer.as_mut(), planner, job.interrupt());
         let performance = match played {
             // What was played is kept even if the robot does not confirm that it was released.
             Ok(performance) => Ok(Some(after_release(performance, session.let_go()))),
@@ -226,7 +228,10 @@ fn play_runs(
     }
     let counted: Vec<&RobotRun> = runs.iter().filter(|run| run.ending != Ending::Interrupted).collect();
     if counted.is_empty() {
-        return Err(Interrupted("interrupted before a run was complete".to_string()).into());
+        let recording = runs.iter().filter_map(|run| Some(&run.files.as_ref()?.recording)).next();
+        let kept =
+            recording.map_or_else(String::new, |path| format!("; {} holds what was played", path.display()));
+        return Err(Interrupted(format!("interrupted before a run was complete{kept}")).into());
     }
     let lags: Vec<f64> = counted.iter().filter_map(|run| run.scores.note.lag_secs).collect();
     let f1: Vec<f64> = counted.iter().map(|run| run.scores.frame.f1).collect();
@@ -248,7 +253,6 @@ fn play_runs(
         lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
         notes: MeanNotes::of(piece.notes().len(), &counted),
         only_measuring: false,
-        kept: None,
         runs,
     })
 }
@@ -270,13 +274,14 @@ fn one_run(
     piece: &Piece,
     start: &[f64; DRIVEN_JOINTS],
     mut writer: Option<&mut RecordingWriter>,
+    planner: &mut Planner<'_>,
     interrupt: &AtomicBool,
 ) -> anyhow::Result<Performance> {
     let pianist = play.pianist;
     let task = &pianist.config.task;
     // What takes long comes before the robot has power.
     let simulation = play.mode.simulation(task, &session.robot.config().limits)?;
-    let mut ready = pianist.ready(task, piece, &mut tell_planning())?;
+    let mut ready = pianist.ready(task, piece, planner.on_progress())?;
     let Session { robot, pace } = session;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
     let mut rig =

@@ -7,7 +7,6 @@ use etude_perform::{Ending, Mode, Performance, PlayedNotes, Scores, TimingReport
 use serde::{Deserialize, Serialize};
 
 use crate::errors::{Interrupted, stopped_itself};
-use crate::kept::Kept;
 use crate::play::Files;
 
 /// The results. Its keys are those of `etude perform --json`. A run that was interrupted is listed, and counts in no mean.
@@ -43,16 +42,12 @@ pub struct RobotReport {
     /// Whether the only run is the one that should have measured the lag: it ended early, and no run that counts was played.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub only_measuring: bool,
-    /// The earlier performance in the folder, if it was by another player, or of another song.
-    #[serde(skip)]
-    pub kept: Option<Kept>,
     /// The runs.
     pub runs: Vec<RobotRun>,
 }
 
 /// Notes of several runs, as means over them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
 pub struct MeanNotes {
     /// Notes of the song that were played in time.
     pub notes_right: f64,

@@ -190,7 +190,10 @@ impl Checkpoints {
         // The schema first: the rest of another version's header may be anything.
         let Schema { schema } = file.header().map_err(bad)?;
         if schema != SCHEMA {
-            let reason = format!("its schema is `{schema}`, and this version of Étude reads `{SCHEMA}`");
+            let reason = format!(
+                "its schema is `{schema}`, and this version of Étude reads `{SCHEMA}`; start a new training, or \
+                 resume it with the version that wrote it"
+            );
             return Err(bad(reason));
         }
         Ok(file)

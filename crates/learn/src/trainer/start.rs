@@ -167,6 +167,16 @@ impl Trainer {
         Checkpoints::new(folder).exists()
     }
 
+    /// Checks that the training in `folder` is of this version of Étude.
+    ///
+    /// # Errors
+    /// If its checkpoint is of another one, or damaged.
+    pub fn check_schema(folder: &Path) -> Result<(), TrainError> {
+        let store = Checkpoints::new(folder);
+        store.parse(&read(&store.path())?)?;
+        Ok(())
+    }
+
     /// A learner with random networks for this environment.
     pub(super) fn learner(
         droq: &DroqConfig,

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use etude_lab::{AdaptRun, Adapted, MeanNotes, Round, run_file};
+use etude_lab::{AdaptRun, Adapted, Iteration, MeanNotes, latest_result, run_file};
 use maud::{Markup, PreEscaped, html};
 
 use super::performance::{Performance, performance, see_and_hear};
@@ -26,8 +26,10 @@ impl Adaptation {
     /// `runs` with the correction.
     pub fn new(adapted: &Adapted, folder: &Path, runs: usize) -> anyhow::Result<Self> {
         let there = folder.join("adaptation");
-        let of_run =
-            |part: &str, index: usize| performance(&there.join(part).join(run_file(index, "mcap")), folder);
+        let of_run = |part: &str, index: usize| {
+            let recording = latest_result(&there.join(part)).join(run_file(index, "mcap"));
+            performance(&recording, folder)
+        };
         Ok(Self {
             adapted: adapted.clone(),
             before: of_run(&format!("run-{:02}", BEFORE + 1), 0)?,
@@ -37,8 +39,8 @@ impl Adaptation {
         })
     }
 
-    /// The section of the page, with the best round to compare with.
-    pub fn section(&self, best: &Round, mode: &str) -> anyhow::Result<Markup> {
+    /// The section of the page, with the best iteration to compare with.
+    pub fn section(&self, best: &Iteration, mode: &str) -> anyhow::Result<Markup> {
         let Self { adapted, .. } = self;
         let drawings = drawings(adapted);
         let drawings = drawings.iter().map(Drawing::inline).collect::<anyhow::Result<Vec<_>>>()?;
@@ -47,15 +49,15 @@ impl Adaptation {
             section {
                 h2 { "Learned on the robot itself" }
                 p {
-                    "The policy of round 0 was played " (adapted.adapting.len()) " times in " (adapted.mode) ". After each run, what the \
+                    "The policy of iteration 0 was played " (adapted.adapting.len()) " times in " (adapted.mode) ". After each run, what the \
                      joints missed corrected their set-points for the next one, and keys that sounded too short, not at all, or beside the right one \
                      changed where the fingers aim. What run " (kept) " played was kept: it was the best \
                      together with the runs beside it. "
                     @if adapted.is_better_than(best) {
-                        "With it the robot plays better than in round " (best.round) ", by the mean of F1 and onset F1. Play it with "
+                        "With it the robot plays better than in iteration " (best.iteration) ", by the mean of F1 and onset F1. Play it with "
                         code { "--correction " (adapted.correction.display()) } "."
                     } @else {
-                        "It does not play better than round " (best.round) ", by the mean of F1 and onset F1: the policy of that round is the one to use."
+                        "It does not play better than iteration " (best.iteration) ", by the mean of F1 and onset F1: the policy of that iteration is the one to use."
                     }
                 }
                 div.drawings.three { @for drawing in drawings { figure { (PreEscaped(drawing)) } } }
@@ -104,8 +106,8 @@ fn drawings(adapted: &Adapted) -> [Drawing; 3] {
     ]
 }
 
-/// The best round, the mode of the adaptation before any correction, and the adapted playing.
-fn comparison(adapted: &Adapted, best: &Round, mode: &str) -> Markup {
+/// The best iteration, the mode of the adaptation before any correction, and the adapted playing.
+fn comparison(adapted: &Adapted, best: &Iteration, mode: &str) -> Markup {
     let row = |how: String, notes: &MeanNotes, f1: String| {
         vec![
             how,
@@ -120,8 +122,11 @@ fn comparison(adapted: &Adapted, best: &Round, mode: &str) -> Markup {
         let how = format!("{} before any correction, run {} alone", adapted.mode, BEFORE + 1);
         row(how, &run.notes, format!("{:.3}", run.f1))
     });
-    let first =
-        row(format!("{mode}, round {}", best.round), &best.notes, several(best.robot_f1, best.robot_f1_std));
+    let first = row(
+        format!("{mode}, iteration {}", best.iteration),
+        &best.notes,
+        several(best.robot_f1, best.robot_f1_std),
+    );
     let last = row(
         format!("{} with the correction", adapted.mode),
         &adapted.notes,
@@ -141,7 +146,7 @@ mod tests {
 
     use etude_perform::Mode;
 
-    use super::super::tests::round;
+    use super::super::tests::iteration;
     use super::*;
 
     fn adapted() -> Adapted {
@@ -182,16 +187,16 @@ mod tests {
             before: shown(None),
             performances: vec![shown(Some("run-1.wav"))],
         };
-        let page = adaptation.section(&round(0), "real").unwrap().into_string();
+        let page = adaptation.section(&iteration(0), "real").unwrap().into_string();
         for part in [
             "was played 3 times in joint-mirroring. After",
             "What run 3 played was kept",
-            "plays better than in round 0",
+            "plays better than in iteration 0",
             "--correction there/adaptation/correction.json",
             "Notes right while learning",
             "Fingers off their path",
             "Rail off its path",
-            "<td>real, round 0</td><td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>0.000</td><td>0.900 ± 0.010</td>",
+            "<td>real, iteration 0</td><td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>0.000</td><td>0.900 ± 0.010</td>",
             "joint-mirroring before any correction, run 2 alone</td><td>13.0\u{a0}of\u{a0}14</td><td>1.0</td><td>0.000</td><td>0.900</td>",
             "joint-mirroring with the correction</td><td>13.8\u{a0}of\u{a0}14</td><td>0.0</td><td>0.990</td><td>0.957 ± 0.003</td>",
             "Replay of run 2, before any correction",
@@ -201,14 +206,17 @@ mod tests {
         }
         // The sound of a run while learning is not kept.
         assert_eq!(page.matches("<audio").count(), 1);
-        let better =
-            Round { robot_f1: 1.0, notes: MeanNotes { onset_f1: 1.0, ..round(0).notes }, ..round(0) };
+        let better = Iteration {
+            robot_f1: 1.0,
+            notes: MeanNotes { onset_f1: 1.0, ..iteration(0).notes },
+            ..iteration(0)
+        };
         assert!(
             adaptation
                 .section(&better, "real")
                 .unwrap()
                 .into_string()
-                .contains("It does not play better than round 0")
+                .contains("It does not play better than iteration 0")
         );
     }
 
@@ -221,7 +229,7 @@ mod tests {
         assert_eq!(adaptation.performances.len(), 12);
         assert!(adaptation.performances.iter().all(|performance| performance.replay.is_err()));
         assert!(adaptation.performances[1].replay.as_ref().unwrap_err().contains("run-2.mcap"));
-        assert!(adaptation.section(&round(0), "real").unwrap().into_string().contains("13.8"));
+        assert!(adaptation.section(&iteration(0), "real").unwrap().into_string().contains("13.8"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The page of a rehearsal: notes right and the gap by round, the performances to see and to hear,
+//! The page of a rehearsal: notes right and the gap by iteration, the performances to see and to hear,
 //! what was learned on the robot itself, and the simulator's numbers.
 
 mod adaptation;
@@ -8,7 +8,7 @@ mod performance;
 use std::path::Path;
 
 use anyhow::Context as _;
-use etude_lab::{Adapted, RehearsalConfig, Round, best_round};
+use etude_lab::{Adapted, Iteration, RehearsalConfig, best_iteration};
 use etude_perform::write_file;
 use maud::{Markup, PreEscaped, html};
 
@@ -22,39 +22,39 @@ use crate::html::{page, table};
 /// Name of the page in the folder of its rehearsal.
 pub const REHEARSAL_PAGE: &str = "rehearsal.html";
 
-/// The page of a rehearsal, written again after each round, with a replay page beside each
+/// The page of a rehearsal, written again after each iteration, with a replay page beside each
 /// recording.
 pub struct RehearsalPage<'a> {
     config: &'a RehearsalConfig,
     folder: &'a Path,
-    rounds: Vec<NoteJudgement>,
+    iterations: Vec<NoteJudgement>,
     adaptation: Option<Adaptation>,
     written: anyhow::Result<()>,
 }
 
-/// A round and its performances.
+/// An iteration and its performances.
 struct NoteJudgement {
-    round: Round,
+    iteration: Iteration,
     performances: Vec<Performance>,
 }
 
 impl<'a> RehearsalPage<'a> {
     /// The page of a rehearsal in `folder`, not yet written.
     pub fn new(config: &'a RehearsalConfig, folder: &'a Path) -> Self {
-        Self { config, folder, rounds: Vec::new(), adaptation: None, written: Ok(()) }
+        Self { config, folder, iterations: Vec::new(), adaptation: None, written: Ok(()) }
     }
 
-    /// Adds a round, writes its replay pages, and writes the page.
-    pub fn add(&mut self, round: &Round) {
+    /// Adds an iteration, writes its replay pages, and writes the page.
+    pub fn add(&mut self, iteration: &Iteration) {
         self.then(|page| {
-            let shown = round.recordings.iter().map(|path| performance(path, page.folder));
+            let shown = iteration.recordings.iter().map(|path| performance(path, page.folder));
             let performances = shown.collect::<anyhow::Result<Vec<_>>>()?;
-            page.rounds.push(NoteJudgement { round: round.clone(), performances });
+            page.iterations.push(NoteJudgement { iteration: iteration.clone(), performances });
             Ok(())
         });
     }
 
-    /// Adds what was learned on the robot itself after the rounds, writes its replay pages, and
+    /// Adds what was learned on the robot itself after the iterations, writes its replay pages, and
     /// writes the page.
     pub fn add_adapted(&mut self, adapted: &Adapted) {
         self.then(|page| {
@@ -67,7 +67,7 @@ impl<'a> RehearsalPage<'a> {
     fn then(&mut self, act: impl FnOnce(&mut Self) -> anyhow::Result<()>) {
         if self.written.is_ok() {
             self.written = act(self).and_then(|()| {
-                let page = rehearsal_page(self.config, &self.rounds, self.adaptation.as_ref())?;
+                let page = rehearsal_page(self.config, &self.iterations, self.adaptation.as_ref())?;
                 Ok(write_file(&self.folder.join(REHEARSAL_PAGE), &page)?)
             });
         }
@@ -83,15 +83,15 @@ impl<'a> RehearsalPage<'a> {
     }
 }
 
-/// The page of the rounds so far.
+/// The page of the iterations so far.
 fn rehearsal_page(
     config: &RehearsalConfig,
-    rounds: &[NoteJudgement],
+    iterations: &[NoteJudgement],
     adaptation: Option<&Adaptation>,
 ) -> anyhow::Result<String> {
-    let results: Vec<&Round> = rounds.iter().map(|shown| &shown.round).collect();
-    let best = best_round(results.iter().copied());
-    let drawings = [notes_by_round(&results), gap_by_round(&results)];
+    let results: Vec<&Iteration> = iterations.iter().map(|shown| &shown.iteration).collect();
+    let best = best_iteration(results.iter().copied());
+    let drawings = [notes_by_iteration(&results), gap_by_iteration(&results)];
     let drawings = drawings.iter().map(Drawing::inline).collect::<anyhow::Result<Vec<_>>>()?;
     let adaptation = match (adaptation, best) {
         (Some(adaptation), Some(best)) => Some(adaptation.section(best, &config.mode.to_string())?),
@@ -101,20 +101,20 @@ fn rehearsal_page(
         p {
             "Mode " (config.mode) ", robot " (config.rig)
             @if let Some(twin_params) = &config.twin_params { " (twin parameters " (twin_params) ")" }
-            ", preset " (config.preset) ", " (config.runs) " runs a round, seed " (config.seed) ". Round 0 plays what was learned in the \
+            ", preset " (config.preset) ", " (config.runs) " runs an iteration, seed " (config.seed) ". Iteration 0 plays what was learned in the \
              default simulator."
-            @if let Some(best) = best { " Round " (best.round) " has played best, by the mean of F1 and onset F1"
+            @if let Some(best) = best { " Iteration " (best.iteration) " has played best, by the mean of F1 and onset F1"
                 @if adaptation.is_none() { ": its policy is the one to use" } "." }
         }
         div.drawings { @for drawing in drawings { figure { (PreEscaped(drawing)) } } }
         (scores(&results))
         section {
             h2 { "See and hear" }
-            @for shown in rounds {
-                h3 { "Round " (shown.round.round) }
+            @for shown in iterations {
+                h3 { "Iteration " (shown.iteration.iteration) }
                 ul.performances {
                     @for (index, performance) in shown.performances.iter().enumerate() {
-                        li { (see_and_hear(&format!("round {}, run {}", shown.round.round, index + 1), performance)) }
+                        li { (see_and_hear(&format!("iteration {}, run {}", shown.iteration.iteration, index + 1), performance)) }
                     }
                 }
             }
@@ -125,59 +125,74 @@ fn rehearsal_page(
     Ok(page(&format!("Rehearsal of {}", config.song), &body))
 }
 
-/// Bars by round.
-fn by_round(rounds: &[&Round], title: &str, y_label: &str, series: Series) -> Drawing {
+/// Bars by iteration.
+fn by_iteration(iterations: &[&Iteration], title: &str, y_label: &str, series: Series) -> Drawing {
     Drawing {
         title: title.to_string(),
-        x_label: "round".to_string(),
+        x_label: "iteration".to_string(),
         y_label: y_label.to_string(),
-        groups: rounds.iter().map(|round| round.round.to_string()).collect(),
+        groups: iterations.iter().map(|iteration| iteration.iteration.to_string()).collect(),
         series: vec![series],
         marks: "notes due".to_string(),
         ..Drawing::default()
     }
 }
 
-fn notes_by_round(rounds: &[&Round]) -> Drawing {
-    let point =
-        |(x, round): (usize, &&Round)| Point { x: x as f64, y: round.notes.notes_right, interval: None };
-    let due = |(x, round): (usize, &&Round)| Mark { x: Some(x as f64), y: round.notes.notes_due as f64 };
+fn notes_by_iteration(iterations: &[&Iteration]) -> Drawing {
+    let point = |(x, iteration): (usize, &&Iteration)| Point {
+        x: x as f64,
+        y: iteration.notes.notes_right,
+        interval: None,
+    };
+    let due = |(x, iteration): (usize, &&Iteration)| Mark {
+        x: Some(x as f64),
+        y: iteration.notes.notes_due as f64,
+    };
     let series = Series {
         name: "notes right".to_string(),
-        points: rounds.iter().enumerate().map(point).collect(),
-        marks: rounds.iter().enumerate().map(due).collect(),
+        points: iterations.iter().enumerate().map(point).collect(),
+        marks: iterations.iter().enumerate().map(due).collect(),
     };
-    by_round(rounds, "Notes right on the robot, mean of the runs", "notes", series)
+    by_iteration(iterations, "Notes right on the robot, mean of the runs", "notes", series)
 }
 
-fn gap_by_round(rounds: &[&Round]) -> Drawing {
-    let point = |(x, round): (usize, &&Round)| Point { x: x as f64, y: 100.0 * round.gap, interval: None };
-    let points = rounds.iter().enumerate().map(point).collect();
+fn gap_by_iteration(iterations: &[&Iteration]) -> Drawing {
+    let point = |(x, iteration): (usize, &&Iteration)| Point {
+        x: x as f64,
+        y: 100.0 * iteration.gap,
+        interval: None,
+    };
+    let points = iterations.iter().enumerate().map(point).collect();
     let series = Series { name: "gap".to_string(), points, marks: Vec::new() };
-    by_round(rounds, "Gap: the share of the F1 in simulation that is lost on the robot", "gap (%)", series)
+    by_iteration(
+        iterations,
+        "Gap: the share of the F1 in simulation that is lost on the robot",
+        "gap (%)",
+        series,
+    )
 }
 
-fn scores(rounds: &[&Round]) -> Markup {
-    let rows = rounds.iter().map(|round| {
-        let [before, after] = round
+fn scores(iterations: &[&Iteration]) -> Markup {
+    let rows = iterations.iter().map(|iteration| {
+        let [before, after] = iteration
             .held_out_rad
             .map_or_else(Default::default, |errors| errors.map(|e| format!("{:.2}", 1e3 * e)));
         vec![
-            round.round.to_string(),
-            format!("{:.1}\u{a0}of\u{a0}{}", round.notes.notes_right, round.notes.notes_due),
-            format!("{:.1}", round.notes.notes_wrong),
-            format!("{:.3}", round.notes.onset_f1),
-            format!("{:.0}", 1e3 * round.latency_compensation_secs),
-            round.lag_secs.map_or_else(String::new, |lag| format!("{:+.0}", 1e3 * lag)),
-            format!("{:.3}", round.sim_f1),
-            format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std),
-            format!("{:.1} %", 100.0 * round.gap),
+            iteration.iteration.to_string(),
+            format!("{:.1}\u{a0}of\u{a0}{}", iteration.notes.notes_right, iteration.notes.notes_due),
+            format!("{:.1}", iteration.notes.notes_wrong),
+            format!("{:.3}", iteration.notes.onset_f1),
+            format!("{:.0}", 1e3 * iteration.latency_compensation_secs),
+            iteration.lag_secs.map_or_else(String::new, |lag| format!("{:+.0}", 1e3 * lag)),
+            format!("{:.3}", iteration.sim_f1),
+            format!("{:.3} ± {:.3}", iteration.robot_f1, iteration.robot_f1_std),
+            format!("{:.1} %", 100.0 * iteration.gap),
             before,
             after,
         ]
     });
     let columns = [
-        "round",
+        "iteration",
         "notes right on the robot",
         "wrong",
         "onset F1, robot",
@@ -198,9 +213,9 @@ mod tests {
     use etude_lab::{IdentifyMethod, MeanNotes};
     use etude_perform::NoteCounts;
 
-    pub(super) fn round(round: usize) -> Round {
-        Round {
-            round,
+    pub(super) fn iteration(iteration: usize) -> Iteration {
+        Iteration {
+            iteration,
             notes: MeanNotes { notes_right: 13.5, notes_due: 14, notes_wrong: 2.0, ..Default::default() },
             latency_compensation_secs: 0.025,
             lag_secs: Some(0.06),
@@ -208,10 +223,10 @@ mod tests {
             robot_f1: 0.9,
             robot_f1_std: 0.01,
             gap: 0.06,
-            held_out_rad: (round > 0).then_some([0.013, 0.0017]),
+            held_out_rad: (iteration > 0).then_some([0.013, 0.0017]),
             policy: "p".into(),
-            recordings: vec![format!("there/round-{round}/performance/run-1.mcap").into()],
-            physics: match round {
+            recordings: vec![format!("there/iteration-{iteration}/performance/run-1.mcap").into()],
+            physics: match iteration {
                 0 => Default::default(),
                 _ => [("joint.index_1.delay".to_string(), 0.0123)].into(),
             },
@@ -224,7 +239,7 @@ mod tests {
             song: "<b>&.mid".to_string(),
             rig: "twin".to_string(),
             twin_params: Some("worn".to_string()),
-            rounds: 1,
+            iterations: 1,
             runs: 1,
             mode: etude_perform::Mode::Real,
             preset: "fast".to_string(),
@@ -238,13 +253,13 @@ mod tests {
             keep_replay: false,
         };
         let shown = |number: usize| NoteJudgement {
-            round: round(number),
+            iteration: iteration(number),
             performances: vec![Performance {
-                sound: Some(format!("round-{number}/performance/run-1.wav").into()),
+                sound: Some(format!("iteration-{number}/performance/run-1.wav").into()),
                 replay: if number == 0 {
                     Err("it is <damaged>".to_string())
                 } else {
-                    Ok("round-1/performance/run-1.html".into())
+                    Ok("iteration-1/performance/run-1.html".into())
                 },
                 notes: Some(NoteCounts { right: 13, due: 14, wrong: 2 }),
             }],
@@ -253,16 +268,16 @@ mod tests {
         for part in [
             "&lt;b&gt;&amp;.mid",
             "twin parameters worn",
-            "Round 0 has played best, by the mean of F1 and onset F1: its policy is the one to use.",
+            "Iteration 0 has played best, by the mean of F1 and onset F1: its policy is the one to use.",
             "11 columns: scroll the table sideways.",
-            "<summary>Every number that a round has changed: 1</summary>",
+            "<summary>Every number that an iteration has changed: 1</summary>",
             "Notes right on the robot",
             "notes due",
             "gap (%)",
             "<td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>0.000</td><td>25</td><td>+60</td><td>0.960</td><td>0.900 ± 0.010</td><td>6.0 %</td><td>13.00</td><td>1.70</td>",
-            "No replay of round 0, run 1: it is &lt;damaged&gt;",
-            "<a href=\"round-1/performance/run-1.html\">Replay of round 1, run 1</a> · 13 of 14 notes right, 2 wrong",
-            "src=\"round-1/performance/run-1.wav\"",
+            "No replay of iteration 0, run 1: it is &lt;damaged&gt;",
+            "<a href=\"iteration-1/performance/run-1.html\">Replay of iteration 1, run 1</a> · 13 of 14 notes right, 2 wrong",
+            "src=\"iteration-1/performance/run-1.wav\"",
             "<td>joint.index_1.delay</td><td>s</td><td>0</td><td>0.01230</td>",
         ] {
             assert!(page.contains(part), "{part} is not in {page}");
@@ -273,14 +288,15 @@ mod tests {
     /// The bar of a gap below zero goes down, and that of a better one is shorter.
     #[test]
     fn the_charts_show_each_round() {
-        let (zero, mut one) = (round(0), round(1));
+        let (zero, mut one) = (iteration(0), iteration(1));
         one.gap = -0.02;
-        let rounds = [&zero, &one];
-        let gaps: Vec<f64> = gap_by_round(&rounds).series[0].points.iter().map(|point| point.y).collect();
+        let iterations = [&zero, &one];
+        let gaps: Vec<f64> =
+            gap_by_iteration(&iterations).series[0].points.iter().map(|point| point.y).collect();
         assert_eq!(gaps, [6.0, -2.0]);
-        let notes = notes_by_round(&rounds);
+        let notes = notes_by_iteration(&iterations);
         assert_eq!(notes.series[0].points[1].y, 13.5);
         assert_eq!(notes.series[0].marks[1], Mark { x: Some(1.0), y: 14.0 });
-        assert!(gap_by_round(&rounds).svg().is_ok());
+        assert!(gap_by_iteration(&iterations).svg().is_ok());
     }
 }

@@ -4,7 +4,7 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use etude_lab::Round;
+use etude_lab::Iteration;
 use etude_stage::PhysicalParams;
 use maud::{Markup, html};
 
@@ -13,7 +13,7 @@ use crate::html::table;
 /// Quantities that are named of those that have changed most.
 const NAMED: usize = 3;
 
-/// A number that a round has changed.
+/// A number that an iteration has changed.
 struct Changed {
     path: String,
     unit: &'static str,
@@ -49,16 +49,17 @@ impl Changed {
     }
 }
 
-/// Every number that a round has changed.
-pub(super) fn numbers(rounds: &[&Round]) -> Markup {
-    let fitted: Vec<&&Round> = rounds.iter().filter(|round| !round.physics.is_empty()).collect();
+/// Every number that an iteration has changed.
+pub(super) fn numbers(iterations: &[&Iteration]) -> Markup {
+    let fitted: Vec<&&Iteration> =
+        iterations.iter().filter(|iteration| !iteration.physics.is_empty()).collect();
     let Some(last) = fitted.last() else { return Markup::default() };
     let mut columns = ["number", "unit", "default"].map(String::from).to_vec();
-    columns.extend(fitted.iter().map(|round| format!("round {}", round.round)));
+    columns.extend(fitted.iter().map(|iteration| format!("iteration {}", iteration.iteration)));
     let changed = PhysicalParams::rows()
-        .filter(|(path, _, _)| fitted.iter().any(|round| round.physics.contains_key(path)));
+        .filter(|(path, _, _)| fitted.iter().any(|iteration| iteration.physics.contains_key(path)));
     let rows = changed.map(|(path, row, default)| {
-        let values = fitted.iter().map(|round| round.physics.get(&path).copied().unwrap_or(default));
+        let values = fitted.iter().map(|iteration| iteration.physics.get(&path).copied().unwrap_or(default));
         let values: Vec<String> = values.map(number).collect();
         [vec![path, row.unit.to_string(), number(default)], values].concat()
     });
@@ -68,19 +69,19 @@ pub(super) fn numbers(rounds: &[&Round]) -> Markup {
             h2 { "The simulator’s numbers" }
             p { (in_words(last)) }
             details {
-                summary { "Every number that a round has changed: " (rows.len()) }
-                (table("The default simulator and the rounds", &columns, rows))
+                summary { "Every number that an iteration has changed: " (rows.len()) }
+                (table("The default simulator and the iterations", &columns, rows))
             }
         }
     }
 }
 
-/// What a round has changed most.
-fn in_words(round: &Round) -> String {
+/// What an iteration has changed most.
+fn in_words(iteration: &Iteration) -> String {
     let mut by_quantity: BTreeMap<String, Vec<Changed>> = BTreeMap::new();
     let mut count = 0;
     for (path, row, default) in PhysicalParams::rows() {
-        if let Some(value) = round.physics.get(&path).filter(|value| **value != default) {
+        if let Some(value) = iteration.physics.get(&path).filter(|value| **value != default) {
             let changed = Changed { path, unit: row.unit, default, value: *value };
             by_quantity.entry(changed.quantity()).or_default().push(changed);
             count += 1;
@@ -105,8 +106,10 @@ fn in_words(round: &Round) -> String {
             Some(format!("{name}{of}, from {} to {}", number(most.default), most.with_unit(most.value)))
         })
         .collect();
-    let mut text =
-        format!("Round {} has other values than the default simulator for {count} numbers.", round.round);
+    let mut text = format!(
+        "Iteration {} has other values than the default simulator for {count} numbers.",
+        iteration.iteration
+    );
     if !other.is_empty() {
         text += &format!(" Changed most: {}.", other.join("; "));
     }
@@ -164,10 +167,11 @@ mod tests {
             ("keyboard.height", -0.002),
         ];
         let physics = physics.map(|(path, value)| (path.to_string(), value));
-        let round = Round { round: 2, physics: physics.into(), ..super::super::tests::round(2) };
+        let iteration =
+            Iteration { iteration: 2, physics: physics.into(), ..super::super::tests::iteration(2) };
         assert_eq!(
-            in_words(&round),
-            "Round 2 has other values than the default simulator for 6 numbers. Changed most: jerk limit of the rail, from 1425 to 142.5 \
+            in_words(&iteration),
+            "Iteration 2 has other values than the default simulator for 6 numbers. Changed most: jerk limit of the rail, from 1425 to 142.5 \
              m/s³; key threshold, from 0.5000 to 0.5500 fraction of travel. Zero by default, and now not: delay (2 joints, largest for index_1: \
              0.01230 s); keyboard height (-0.002000 m)."
         );

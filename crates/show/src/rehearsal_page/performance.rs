@@ -57,13 +57,13 @@ mod tests {
     #[test]
     fn a_recording_that_cannot_be_read_does_not_stop_the_page() {
         let folder = tempfile::tempdir().unwrap();
-        let recording = folder.path().join("round-0/performance/run-1.mcap");
+        let recording = folder.path().join("iteration-0/performance/run-1.mcap");
         let shown = performance(&recording, folder.path()).unwrap();
         assert!(shown.replay.is_err());
         assert_eq!(shown.sound, None);
         std::fs::create_dir_all(recording.parent().unwrap()).unwrap();
         std::fs::write(recording.with_extension("wav"), "").unwrap();
         let shown = performance(&recording, folder.path()).unwrap();
-        assert_eq!(shown.sound, Some("round-0/performance/run-1.wav".into()));
+        assert_eq!(shown.sound, Some("iteration-0/performance/run-1.wav".into()));
     }
 }

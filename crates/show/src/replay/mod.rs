@@ -15,7 +15,7 @@ mod take;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
-use etude_lab::is_of_another_performance;
+use etude_lab::{is_other_result, numbered};
 use etude_perform::Recording;
 use walkdir::{DirEntry, WalkDir};
 
@@ -27,12 +27,13 @@ pub use page::replay_page;
 pub(crate) use roll::roll_svg;
 pub use take::{PlayedNote, Take};
 
-/// The recordings that a path means: itself, or those below it if it is a folder, sorted. Those
-/// that a performance on a robot has moved aside are left out.
+/// The recordings that a path means: itself, or those below it if it is a folder, sorted. Of
+/// numbered results, the latest is taken.
 ///
 /// # Errors
 /// If a folder cannot be read, or none is there.
 pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let path = &numbered(path);
     if !path.is_dir() {
         let played = Path::new("out").join(path);
         if !path.exists() && played.is_dir() {
@@ -42,9 +43,7 @@ pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     }
     let mut found = Vec::new();
     // Links are not followed: they may form a circle.
-    let is_shown = |entry: &DirEntry| {
-        entry.depth() == 0 || !is_of_another_performance(entry.path()) || !entry.path().is_dir()
-    };
+    let is_shown = |entry: &DirEntry| entry.depth() == 0 || !is_other_result(entry.path());
     for entry in WalkDir::new(path).into_iter().filter_entry(is_shown) {
         let entry = entry.with_context(|| format!("cannot look into {}", path.display()))?;
         if !entry.file_type().is_dir() && entry.path().extension().is_some_and(|ending| ending == "mcap") {

@@ -6,7 +6,7 @@ use etude_music::KeySet;
 use etude_perform::Recording;
 use etude_stage::{DRIVEN_JOINTS, StepOutcome, World};
 use etude_task::fingering::Goals;
-use etude_task::reward::{Moment, OF_A_FINGERING, Reward, is_term};
+use etude_task::reward::{Moment, OF_A_FINGERING, Reward};
 use etude_task::{ACTION_LEN, TaskConfig};
 use serde::Serialize;
 
@@ -43,18 +43,11 @@ pub(super) fn rewards(
     if recording.policy.is_empty() || due.is_empty() {
         return (Vec::new(), None);
     }
-    let (known, foreign): (BTreeMap<_, _>, BTreeMap<_, _>) =
-        task.reward.clone().into_iter().partition(|(name, _)| is_term(name));
-    let Ok(reward) = Reward::new(&known) else { return (Vec::new(), None) };
+    let Ok(reward) = Reward::new(&task.reward) else { return (Vec::new(), None) };
     let left_out: Vec<_> = reward.names().filter(|name| is_unknown(name)).collect();
     let mut note = "What the measured joints and keys would have earned in simulation.".to_string();
     if !left_out.is_empty() {
         note += &format!(" Left out, because the recording lacks what they need: {}.", left_out.join(", "));
-    }
-    let foreign: Vec<_> =
-        foreign.into_iter().filter(|(_, weight)| *weight != 0.0).map(|(name, _)| name).collect();
-    if !foreign.is_empty() {
-        note += &format!(" Left out, because this build does not have them: {}.", foreign.join(", "));
     }
     (measured(recording, &reward, world, due, pressed, positions), Some(note))
 }

@@ -248,7 +248,10 @@ fn world_of(task: &TaskConfig) -> anyhow::Result<World> {
 
 /// The task of a recording; without one in its header the default task with the rig's hand.
 fn task_of(header: &Header) -> TaskConfig {
-    let task = header.run.as_ref().and_then(|run| TaskConfig::of_any_build(run.get("task")?.clone()).ok());
+    let task = header
+        .run
+        .as_ref()
+        .and_then(|run| serde_json::from_value::<TaskConfig>(run.get("task")?.clone()).ok());
     task.unwrap_or_else(|| {
         let side = header.rig_config.as_ref().map(|rig| stage_side(rig.hand.side));
         let stage = StageConfig { side: side.unwrap_or_default(), ..StageConfig::default() };
@@ -339,7 +342,7 @@ mod tests {
             ("policies/twinkle.safetensors", "shipped policy"),
             ("policies/ode-to-joy.safetensors", "shipped policy of ode-to-joy"),
             ("runs/my-song__fast__0/policy-best.safetensors", "my-song__fast__0"),
-            ("out/rehearse-twinkle/round-1/training/policy-best.safetensors", "round-1"),
+            ("out/rehearse-twinkle/iteration-1/training/policy-best.safetensors", "iteration-1"),
             ("elsewhere/mine.safetensors", "elsewhere/mine.safetensors"),
             ("scripted", "scripted"),
         ] {

@@ -12,7 +12,7 @@ use super::METRICS;
 
 /// Older runs in a folder are left out.
 const RECENT: Duration = Duration::from_secs(24 * 3600);
-/// Folders between one that is named and a run in it: `runs/TASK/rehearsal/round-1/training`, and
+/// Folders between one that is named and a run in it: `runs/TASK/rehearsal/iteration-1/training`, and
 /// one more.
 const DEPTH: usize = 5;
 
@@ -132,8 +132,8 @@ mod tests {
         write_run(&runs.join("a"), 2, now);
         write_run(&runs.join("task/training"), 1, now);
         write_run(&runs.join("task/training/checkpoints/none"), 0, now);
-        write_run(&runs.join("deep/rehearsal/round-1/training"), 3, now);
-        let all = ["runs/task/training", "runs/a", "runs/deep/rehearsal/round-1/training"];
+        write_run(&runs.join("deep/rehearsal/iteration-1/training"), 3, now);
+        let all = ["runs/task/training", "runs/a", "runs/deep/rehearsal/iteration-1/training"];
         assert_eq!(find(&["runs"], 9).unwrap(), all);
         assert_eq!(find(&["runs"], 2).unwrap(), all[..2]);
         // A run that is named itself is shown however old it is; no run is shown twice.

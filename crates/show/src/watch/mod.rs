@@ -226,12 +226,12 @@ fn name(folder: &Path) -> String {
     let path = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     let mut parts = Vec::new();
     for part in path.iter().rev().map(|part| part.to_string_lossy()) {
-        let is_round = part.starts_with("round-");
+        let is_iteration = part.starts_with("iteration-");
         if part == "training" || part == "rehearsal" {
             continue;
         }
         parts.insert(0, part);
-        if !is_round {
+        if !is_iteration {
             break;
         }
     }
@@ -294,7 +294,7 @@ mod tests {
         for (folder, expected) in [
             ("/none/runs/twinkle__fast__0", "twinkle__fast__0"),
             ("/none/runs/task/training", "task"),
-            ("/none/runs/task/rehearsal/round-2/training", "task/round-2"),
+            ("/none/runs/task/rehearsal/iteration-2/training", "task/iteration-2"),
         ] {
             assert_eq!(name(Path::new(folder)), expected);
         }

@@ -79,8 +79,8 @@ pub const TERMS: &[Term] = &[
     term("tracking", 0.0, tracking),
 ];
 
-/// Whether this build has a term called `name`.
-pub fn is_term(name: &str) -> bool {
+/// Whether there is a term called `name`.
+fn is_term(name: &str) -> bool {
     TERMS.iter().any(|term| term.name == name)
 }
 

@@ -91,7 +91,7 @@ impl Player {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies");
         let policy = Policy::load(&folder.join(format!("{song}.safetensors"))).unwrap();
         let config = &policy.header().notes["training"]["config"]["task"];
-        let config = TaskConfig::stored(config.clone()).unwrap();
+        let config = serde_json::from_value::<TaskConfig>(config.clone()).unwrap();
         let piece = Piece::for_task(&repertoire::get(song).unwrap(), &config).unwrap();
         Self { policy, config, piece }
     }

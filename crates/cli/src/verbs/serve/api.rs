@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use etude_lab::{RECORDING, run_file};
+use etude_lab::{LATEST, RECORDING, run_file};
 use etude_perform::Mode;
 use etude_show::watch::RunState;
 use serde::Deserialize;
@@ -73,7 +73,7 @@ impl ApiRequest {
                 let (title, pianist) = pianist(workspace, &song, player)?;
                 let folder = format!("out/{}", pianist.folder_name(&song));
                 let play = step(&["play", &song, "-o", &folder], options(&pianist));
-                let steps = vec![play, replay(&format!("{folder}/{RECORDING}"))];
+                let steps = vec![play, replay(&format!("{folder}/{LATEST}/{RECORDING}"))];
                 Ok(job(format!("Play {title}"), &song, &folder, steps))
             }
             Self::Perform { song, player, mode } => {
@@ -83,7 +83,7 @@ impl ApiRequest {
                 let mode = format!("--mode={mode}");
                 let perform = ["perform", &song, "--robot", "twin", "-o", &folder, &mode];
                 let perform = step(&perform, options(&pianist));
-                let steps = vec![perform, replay(&format!("{folder}/{}", run_file(0, "mcap")))];
+                let steps = vec![perform, replay(&format!("{folder}/{LATEST}/{}", run_file(0, "mcap")))];
                 Ok(job(format!("Perform {title} on the twin"), &song, &folder, steps))
             }
             Self::Train { song, minutes, set } => train(workspace, &song, minutes, &set),

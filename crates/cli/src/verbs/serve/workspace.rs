@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-use etude_lab::{PAGE, Pianist, RECORDING, REPORT, find_song, pianist_for};
+use etude_lab::{LATEST, PAGE, Pianist, Planner, RECORDING, REPORT, all_results, find_song, pianist_for};
 use etude_music::{Song, SongError, repertoire};
 use etude_perform::write_file;
 use etude_show::watch::{Point, RunFigures, WatchedRun, runs_in};
@@ -166,21 +166,25 @@ impl Workspace {
         let analysis = || serde_json::from_slice::<Value>(&std::fs::read(&about).ok()?).ok();
         let is_ready = [&about, &reference].into_iter().all(is_new)
             && analysis().is_some_and(|analysis| analysis["title"] == notes.title());
-        let pianist = pianist_for(song, &slug(song), &notes).ok().map(|chosen| chosen.pianist);
+        let pianist =
+            pianist_for(song, &slug(song), &notes, &mut Planner::default()).ok().map(|chosen| chosen.pianist);
         Ok(json!({
             "song": song, "title": listed.title, "about": about, "reference": reference,
             "is_ready": is_ready,
             "problem": problem, "transpositions": transpositions,
             "policy": pianist.as_ref().map(Pianist::name),
-            "zero_shot": pianist.as_ref().is_some_and(Pianist::reads_at_sight),
+            "zero_shot": pianist.as_ref().is_some_and(Pianist::is_sight_reader),
             "policy_f1": pianist.and_then(|pianist| pianist.claimed_f1),
         }))
     }
 
     /// The performances, the last one first.
     pub fn performances(&self) -> Vec<Performance> {
-        let mut found: Vec<Performance> =
-            entries(PERFORMANCES).iter().flat_map(|folder| performed(folder)).collect();
+        let mut folders = entries(PERFORMANCES);
+        // A link to one of them.
+        folders.retain(|folder| !folder.ends_with(LATEST));
+        let results = folders.iter().flat_map(|folder| all_results(folder));
+        let mut found: Vec<Performance> = results.flat_map(|result| performed(&result)).collect();
         found.sort_by(|a, b| b.modified.cmp(&a.modified).then(a.recording.cmp(&b.recording)));
         found.truncate(MAX_LISTED);
         found

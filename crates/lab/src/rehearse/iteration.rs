@@ -1,4 +1,4 @@
-//! What is rehearsed, and the result of a round.
+//! What is rehearsed, and the result of an iteration.
 
 use std::path::PathBuf;
 
@@ -22,9 +22,9 @@ pub struct RehearsalConfig {
     pub rig: String,
     /// Name of the twin parameters.
     pub twin_params: Option<String>,
-    /// Rounds after the first performance.
-    pub rounds: usize,
-    /// Performances a round.
+    /// Iterations after the first performance.
+    pub iterations: usize,
+    /// Performances an iteration.
     pub runs: usize,
     /// How they are played.
     pub mode: Mode,
@@ -32,11 +32,10 @@ pub struct RehearsalConfig {
     pub preset: String,
     /// Overrides of its values, `path=value`.
     pub overrides: Vec<String>,
-    /// The policy of round 0; without one it is learned first.
+    /// The policy of iteration 0; without one it is learned first.
     pub policy: Option<PathBuf>,
     /// A simulator whose drives are fitted to this robot already, as `etude identify` and rehearsals write it: only its keyboard is fitted
     /// then, to what was played.
-    #[serde(default)]
     pub simulator: Option<PathBuf>,
     /// Method of identification.
     pub method: IdentifyMethod,
@@ -53,16 +52,15 @@ pub struct RehearsalConfig {
     pub keep_replay: bool,
 }
 
-/// The result of one round.
+/// The result of one iteration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Round {
+pub struct Iteration {
     /// Its number; 0 is before any identification.
-    pub round: usize,
+    pub iteration: usize,
     /// Notes on the robot.
     #[serde(flatten)]
     pub notes: MeanNotes,
-    /// The lead of the plan, s. Each round first plays once to measure how late its notes are, and leads by that.
-    #[serde(default)]
+    /// The lead of the plan, s. Each iteration first plays once to measure how late its notes are, and leads by that.
     pub latency_compensation_secs: f64,
     /// How late the notes were on the robot, s.
     pub lag_secs: Option<f64>,
@@ -84,17 +82,19 @@ pub struct Round {
     pub physics: std::collections::BTreeMap<String, f64>,
 }
 
-impl Round {
-    /// By what rounds are compared: the mean of F1 and the onset F1 on the robot.
+impl Iteration {
+    /// By what iterations are compared: the mean of F1 and the onset F1 on the robot.
     pub(crate) fn score(&self) -> f64 {
         robot_score(self.robot_f1, &self.notes)
     }
 }
 
-/// The round that has played best on the robot, by the mean of F1 and onset F1; the earlier one of equals. The next round begins with its
+/// The iteration that has played best on the robot, by the mean of F1 and onset F1; the earlier one of equals. The next iteration begins with its
 /// policy: a training that made the playing worse is not continued.
-pub fn best_round<'a>(rounds: impl IntoIterator<Item = &'a Round>) -> Option<&'a Round> {
-    rounds.into_iter().reduce(|best, round| if round.score() > best.score() { round } else { best })
+pub fn best_iteration<'a>(iterations: impl IntoIterator<Item = &'a Iteration>) -> Option<&'a Iteration> {
+    iterations
+        .into_iter()
+        .reduce(|best, iteration| if iteration.score() > best.score() { iteration } else { best })
 }
 
 #[cfg(test)]
@@ -102,9 +102,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_best_round_is_by_the_steps_and_by_the_notes_and_the_earlier_of_equals() {
-        let round = |round: usize, robot_f1: f64, onset_f1: f64| Round {
-            round,
+    fn the_best_iteration_is_by_the_steps_and_by_the_notes_and_the_earlier_of_equals() {
+        let iteration = |iteration: usize, robot_f1: f64, onset_f1: f64| Iteration {
+            iteration,
             notes: MeanNotes { onset_f1, ..MeanNotes::default() },
             latency_compensation_secs: 0.025,
             lag_secs: None,
@@ -117,16 +117,16 @@ mod tests {
             recordings: Vec::new(),
             physics: Default::default(),
         };
-        let best = |rounds: &[Round]| best_round(rounds).map(|best| best.round);
+        let best = |iterations: &[Iteration]| best_iteration(iterations).map(|best| best.iteration);
         assert_eq!(best(&[]), None);
-        let first = round(0, 0.94, 0.98);
+        let first = iteration(0, 0.94, 0.98);
         assert_eq!(
-            best(&[first.clone(), round(1, 0.96, 0.90)]),
+            best(&[first.clone(), iteration(1, 0.96, 0.90)]),
             Some(0),
             "more of the time, but fewer notes"
         );
-        assert_eq!(best(&[first.clone(), round(1, 0.94, 0.98)]), Some(0));
-        assert_eq!(best(&[first.clone(), round(1, 0.91, 0.98), round(2, 0.95, 0.99)]), Some(2));
-        assert_eq!(best(&[first, round(1, 0.96, 1.0), round(2, 0.95, 0.99)]), Some(1));
+        assert_eq!(best(&[first.clone(), iteration(1, 0.94, 0.98)]), Some(0));
+        assert_eq!(best(&[first.clone(), iteration(1, 0.91, 0.98), iteration(2, 0.95, 0.99)]), Some(2));
+        assert_eq!(best(&[first, iteration(1, 0.96, 1.0), iteration(2, 0.95, 0.99)]), Some(1));
     }
 }

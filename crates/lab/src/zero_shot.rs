@@ -1,4 +1,4 @@
-//! What the hand cannot play of a piece, and how well it will go at sight, from its plan alone.
+//! What the hand cannot play of a piece, and the zero-shot scores of the sight-reader, from its plan.
 
 use etude_music::metrics::frame_scores;
 use etude_music::{KeySet, Song};
@@ -6,30 +6,38 @@ use etude_task::{Piece, TaskConfig};
 use serde::Serialize;
 
 use crate::config::resolve;
-use crate::pianist::SIGHT_READER;
-use crate::planning::plan;
+use crate::planner::Planner;
 
-/// Time around each onset in which the keys are not those that are due, s. Measured with the shipped sight-reader on validation
-/// melodies by `scripts/sight_prediction.py`.
+/// Name of the policy for pieces without one of their own: `policies/sight-reader.safetensors`, and
+/// runs in `runs/sight-reader__…`.
+pub const SIGHT_READER: &str = "sight-reader";
+
+/// Time around each onset in which the keys are not those that are due, s. Measured with the shipped
+/// sight-reader on validation melodies by `scripts/sight_prediction.py`.
 const LOST_AT_AN_ONSET_SECS: f64 = 0.004;
 
-/// What a piece is predicted to score at sight.
+/// What the sight-reader is predicted to score on a piece.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct AtSight {
+pub struct ZeroShot {
     /// Notes of the song that are played.
     pub notes_right: usize,
     /// F1 by control step.
     pub f1: f64,
 }
 
-/// What the shipped sight-reader will score on `song`, which `task` plans as `piece`: all that its own plan plays, less what is lost at
-/// each onset. None if `task` has no fingering.
-pub fn predicted_at_sight(song: &Song, task: &TaskConfig, piece: &Piece) -> Option<AtSight> {
+/// What the shipped sight-reader will score on `song`, which `task` plans as `piece`: all that its
+/// own plan plays, less what is lost at each onset. None if `task` has no fingering.
+pub fn predict_zero_shot(
+    song: &Song,
+    task: &TaskConfig,
+    piece: &Piece,
+    planner: &mut Planner<'_>,
+) -> Option<ZeroShot> {
     let change_steps = resolve(SIGHT_READER, None, &[]).ok()?.task.change_steps;
     let piece = if task.change_steps == change_steps {
         piece.clone()
     } else {
-        plan(song, &TaskConfig { change_steps, ..task.clone() }).ok()?
+        planner.plan(song, &TaskConfig { change_steps, ..task.clone() }).ok()?
     };
     let limits = piece.fingering()?.limits();
     let frames = piece.frames();
@@ -37,7 +45,7 @@ pub fn predicted_at_sight(song: &Song, task: &TaskConfig, piece: &Piece) -> Opti
     let onsets = frames.windows(2).filter(|keys| new(keys)).count();
     let secs = frames.len() as f64 / etude_music::CONTROL_HZ;
     let planned = frame_scores(frames, &piece.planned()).f1;
-    Some(AtSight {
+    Some(ZeroShot {
         notes_right: limits.total_notes.saturating_sub(limits.skipped().count() + limits.merged_notes),
         f1: (planned - LOST_AT_AN_ONSET_SECS * onsets as f64 / secs).max(0.0),
     })
@@ -56,13 +64,19 @@ pub struct Arrangement {
     pub left_out: usize,
 }
 
-/// Whether the upper voice alone, and the factor for the duration, of each arrangement that is tried, the nearest to the song first.
+/// Of each arrangement that is tried: whether it is the upper voice alone, and the factor for the
+/// duration. The nearest to the song is first.
 const ARRANGEMENTS: [(bool, f64); 5] = [(false, 1.5), (false, 2.0), (true, 1.0), (true, 1.5), (true, 2.0)];
 
-/// An arrangement of `song` that the hand can play, if it leaves out notes of the song as `task` plans it, `piece`: slower, or the upper
-/// voice alone. The first of which it plays all notes; or else that of which it leaves out the smallest share, if that is less than of
-/// the song.
-pub fn easier(song: &Song, task: &TaskConfig, piece: &Piece) -> Option<Arrangement> {
+/// A slower arrangement of `song`, or its upper voice alone, if the hand leaves out notes of `piece`,
+/// as `task` plans the song: the first of which it plays all notes, or else that of which it leaves
+/// out the smallest share, if that is less than of the song.
+pub fn easier(
+    song: &Song,
+    task: &TaskConfig,
+    piece: &Piece,
+    planner: &mut Planner<'_>,
+) -> Option<Arrangement> {
     let skipped = |piece: &Piece| Some(piece.fingering()?.limits().skipped().count());
     let now =
         Arrangement { stretch: 1.0, melody: false, notes: song.notes().len(), left_out: skipped(piece)? };
@@ -74,7 +88,9 @@ pub fn easier(song: &Song, task: &TaskConfig, piece: &Piece) -> Option<Arrangeme
         }
         let Ok(arranged) = song.stretch(stretch) else { continue };
         let arranged = if melody { arranged.upper_voice() } else { arranged };
-        let Some(left_out) = plan(&arranged, task).ok().and_then(|piece| skipped(&piece)) else { continue };
+        let Some(left_out) = planner.plan(&arranged, task).ok().and_then(|piece| skipped(&piece)) else {
+            continue;
+        };
         let this = Arrangement { stretch, melody, notes: arranged.notes().len(), left_out };
         if share(&this) < share(&best) {
             best = this;
@@ -83,18 +99,23 @@ pub fn easier(song: &Song, task: &TaskConfig, piece: &Piece) -> Option<Arrangeme
     (best != now).then_some(best)
 }
 
-/// What the hand cannot play of `song` in `task`, a line each: with a fingering, how many notes its plan leaves out and why; without
-/// one, the moments that the fingers cannot reach. A song beyond the keyboard has no plan, and no line.
+/// What the hand cannot play of `song` in `task`, a line each: with a fingering, how many notes its
+/// plan leaves out and why; without one, the moments that the fingers cannot reach. A song beyond the
+/// keyboard has no plan, and no line.
 ///
 /// # Errors
 /// If the task is not sound.
-pub fn cannot_be_played(song: &Song, task: &TaskConfig) -> anyhow::Result<Vec<String>> {
+pub fn cannot_be_played(
+    song: &Song,
+    task: &TaskConfig,
+    planner: &mut Planner<'_>,
+) -> anyhow::Result<Vec<String>> {
     if !task.fingering {
         return Ok(song.warnings().iter().map(ToString::to_string).collect());
     }
     if song.check_range().is_err() {
         return Ok(Vec::new());
     }
-    let piece = plan(song, task)?;
+    let piece = planner.plan(song, task)?;
     Ok(piece.fingering().and_then(|fingering| fingering.limits().left_out()).into_iter().collect())
 }
