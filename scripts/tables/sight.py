@@ -69,7 +69,7 @@ def sight(options):
         with played(song, *who) as (report, _):
             return report
 
-    head("piece", "sight-reader: notes; onset F1; F1", "scripted baseline", "policy of the song")
+    head("piece", "sight-reader: notes; onset F1; F1 (articulated plan)", "scripted baseline", "policy of the song")
     for song in songs():
         line(song, [summary([report_of(song, who)]) for who in (*players, policy(song))])
     for song in sorted((ROOT / "songs").glob("*.mid")):
@@ -203,7 +203,7 @@ def sight_prediction(options):
         lost = sum(piece.onsets_per_sec * (piece.f1_predicted - piece.f1) for piece in pieces)
         lost /= sum(piece.onsets_per_sec**2 for piece in pieces)
         print(f"More lost at an onset than zero_shot.rs says, by validation melodies: {1e3 * lost:.1f} ms\n")
-        scores = "F1 predicted", "F1 played", "mean difference", "largest"
+        scores = "F1 (articulated plan), predicted", "played", "mean difference", "largest"
         head("pieces", "number", "correlation of F1", *scores, "notes predicted and played")
         all_songs = songs() + sorted(str(path) for path in (ROOT / "songs").glob("*.mid"))
         for stretch in STRETCHES:
@@ -215,7 +215,7 @@ def sight_prediction(options):
             path = folder / f"hard-{number}.mid"
             midi(path, secs, chords, *sounding)
             hard.append((name, of(path)))
-    prediction_row("hard pieces below", [piece for _, piece in hard])
+    prediction_row("hard pieces", [piece for _, piece in hard])
     print()
     head("piece", "notes predicted", "played", "F1 predicted", "played", "fingering")
     for name, piece in hard:

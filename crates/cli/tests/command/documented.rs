@@ -11,6 +11,12 @@ use crate::{Sandbox, root, shipped};
 
 /// The column with F1 by the plan that is played.
 const F1: &str = "F1 (articulated plan)";
+/// The sight-reader's table: its beginning, and the column of the shipped policy.
+const SIGHT_HEAD: &str = "| piece | sight-reader:";
+const SIGHT: &str = "sight-reader: notes; onset F1; F1 (articulated plan)";
+/// The twin's table: its beginning, and the column of real execution.
+const TWIN_HEAD: &str = "| song | simulation: F1";
+const REAL: &str = "real: notes right, wrong; onset F1; sent early by; F1";
 /// Tolerance of F1 and onset F1.
 const SCORE: f64 = 0.03;
 /// Tolerances of notes right and wrong.
@@ -147,7 +153,7 @@ fn the_scripted_baseline_plays_what_the_documents_say() {
 /// Of songs that it has not learned: notes right and wrong; onset F1; F1.
 #[test]
 fn the_sight_reader_plays_what_the_documents_say() {
-    let table = Table::read("docs/results/sight-reading.md", "| piece | sight-reader: notes; onset F1; F1 |");
+    let table = Table::read("docs/results/sight-reading.md", SIGHT_HEAD);
     let policy = shipped(etude_lab::SIGHT_READER);
     assert!(std::fs::metadata(&policy).unwrap().len() < 10_000_000);
     let file = |row: &str| match root().join(format!("songs/{row}.mid")) {
@@ -160,7 +166,7 @@ fn the_sight_reader_plays_what_the_documents_say() {
     let mut seven = Vec::new();
     for (row, song) in built_in.chain(files) {
         let report = Sandbox::new().json(&format!("play {song} --policy {} -o out --json", policy.display()));
-        let said: Vec<&str> = table.text(&row, "sight-reader: notes; onset F1; F1").split("; ").collect();
+        let said: Vec<&str> = table.text(&row, SIGHT).split("; ").collect();
         let [right, wrong] = right_and_wrong(said[0]);
         let [is_right, is_wrong] = ["matched", "wrong"].map(|key| report[key].as_f64().unwrap());
         assert!(
@@ -202,9 +208,9 @@ fn the_sight_reader_plays_what_the_documents_say() {
 /// Of melodies that no training draws: the sums of the notes and the mean F1.
 #[test]
 fn the_sight_reader_plays_the_test_melodies_as_the_documents_say() {
-    let table = Table::read("docs/results/sight-reading.md", "| piece | sight-reader: notes; onset F1; F1 |");
+    let table = Table::read("docs/results/sight-reading.md", SIGHT_HEAD);
     let said: Vec<&str> =
-        table.text("20 test melodies", "sight-reader: notes; onset F1; F1").split("; ").collect();
+        table.text("20 test melodies", SIGHT).split("; ").collect();
     let [right, wrong] = right_and_wrong(said[0]);
     let sandbox = Sandbox::new();
     let mut sums = [0.0; 4];
@@ -242,10 +248,10 @@ fn a_piece_with_dynamics_is_played_soft_and_loud() {
 /// Real execution: notes right of those due, wrong ones; onset F1; the latency compensation; F1.
 #[test]
 fn the_shipped_policies_play_on_the_twin_what_the_documents_say() {
-    let table = Table::read("docs/results/twin.md", "| song | simulation | joint-mirroring |");
+    let table = Table::read("docs/results/twin.md", TWIN_HEAD);
     for song in etude_music::repertoire::ids() {
         let sandbox = Sandbox::new();
-        let parts: Vec<_> = table.text(song, "real").split("; ").collect();
+        let parts: Vec<_> = table.text(song, REAL).split("; ").collect();
         let report = sandbox
             .json(&format!("perform {song} --policy {} --robot twin -o out --json", shipped(song).display()));
         let number = |key: &str| report[key].as_f64().unwrap();
@@ -284,9 +290,9 @@ fn the_sums_in_the_documents_are_those_of_the_tables() {
     let [right, wrong] = ["notes right", "wrong"].map(|column| sum(&songs, column));
     let [five_right, five_wrong] = ["notes right", "wrong"].map(|column| sum(paper, column));
     // In real execution.
-    let twin = Table::read("docs/results/twin.md", "| song | simulation | joint-mirroring |");
+    let twin = Table::read("docs/results/twin.md", TWIN_HEAD);
     let on_twin = PAPER_SONGS.map(|song| {
-        let parts: Vec<_> = twin.text(song, "real").split("; ").collect();
+        let parts: Vec<_> = twin.text(song, REAL).split("; ").collect();
         let [right, wrong] = right_and_wrong(parts[0]);
         [right, wrong, leading_number(parts[3])]
     });
