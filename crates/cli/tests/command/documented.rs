@@ -209,8 +209,7 @@ fn the_sight_reader_plays_what_the_documents_say() {
 #[test]
 fn the_sight_reader_plays_the_test_melodies_as_the_documents_say() {
     let table = Table::read("docs/results/sight-reading.md", SIGHT_HEAD);
-    let said: Vec<&str> =
-        table.text("20 test melodies", SIGHT).split("; ").collect();
+    let said: Vec<&str> = table.text("20 test melodies", SIGHT).split("; ").collect();
     let [right, wrong] = right_and_wrong(said[0]);
     let sandbox = Sandbox::new();
     let mut sums = [0.0; 4];
