@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use etude_checks::{POSITIVE, check_range};
 use serde::{Deserialize, Serialize};
 
 use crate::error::FitError;
@@ -94,12 +95,8 @@ impl Problem {
                 )));
             }
         }
-        if let Loss::Huber(bend) = loss
-            && !(bend > 0.0 && bend.is_finite())
-        {
-            return Err(FitError(format!(
-                "the Huber loss bends at {bend} standard deviations; give a positive number, such as 1.345"
-            )));
+        if let Loss::Huber(bend) = loss {
+            check_range("the bend of the Huber loss", bend, POSITIVE)?;
         }
         for Parameter { path, influences, .. } in space.parameters() {
             if let Some(name) = influences.iter().find(|name| blocks.iter().all(|block| block.name != **name))

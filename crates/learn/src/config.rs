@@ -3,41 +3,19 @@
 //! The paper gives few of them; the others are those of github.com/kevinzakka/robopianist-rl
 //! (`run.sh`), which it builds on.
 
+use etude_checks::{RangeError, check_range, positive_to};
 use serde::{Deserialize, Serialize};
 
-/// A configured value that cannot work.
+/// A configured value that cannot work. The text says why.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{field}` is {value}, but {rule}; change it in the configuration")]
-pub struct ConfigError {
-    /// Name of the field, as in the configuration file.
-    pub field: &'static str,
-    /// What it was set to.
-    pub value: String,
-    /// What it must be.
-    pub rule: &'static str,
-}
+#[error("{0}")]
+pub struct ConfigError(pub(crate) String);
 
-fn require(
-    holds: bool,
-    field: &'static str,
-    value: impl std::fmt::Display,
-    rule: &'static str,
-) -> Result<(), ConfigError> {
-    if holds { Ok(()) } else { Err(ConfigError { field, value: value.to_string(), rule }) }
+impl From<RangeError> for ConfigError {
+    fn from(error: RangeError) -> Self {
+        Self(error.to_string())
+    }
 }
-
-/// Requires that `value` is in `range`; NaN is in none.
-fn within<T: PartialOrd + std::fmt::Display>(
-    field: &'static str,
-    value: T,
-    range: impl std::ops::RangeBounds<T>,
-    rule: &'static str,
-) -> Result<(), ConfigError> {
-    require(range.contains(&value), field, value, rule)
-}
-
-/// The least number above zero.
-const ABOVE_ZERO: f64 = f64::from_bits(1);
 
 /// Arithmetic of the matrix products between hidden layers in an update.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -128,37 +106,32 @@ pub(crate) const MAX_LAYERS: usize = 16;
 impl DroqConfig {
     /// Refuses values that cannot work, naming the field.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let text = format!("{:?}", self.hidden);
-        let widths = self.hidden.iter().all(|&width| (1..=MAX_LAYER_WIDTH).contains(&width));
-        let depth = (1..=MAX_LAYERS).contains(&self.hidden.len());
-        require(widths && depth, "droq.hidden", text, "it must list 1 to 16 layers of 1 to 8192 units")?;
-        within("droq.dropout", self.dropout, 0.0..=0.9, "it must be at least 0 and at most 0.9")?;
-        within("droq.batch", self.batch, 1..=1 << 16, "it must be from 1 to 65536")?;
-        let rule = "it must be from 1 to 2147483648";
-        within("droq.replay_capacity", self.replay_capacity, 1..=1 << 31, rule)?;
-        within("droq.discount", self.discount, 0.0..1.0, "it must be at least 0 and below 1")?;
-        within("droq.n_step", self.n_step, 1..=100, "it must be from 1 to 100")?;
-        let rule = "it must be above 0 and at most 1";
-        within("droq.polyak", self.polyak, ABOVE_ZERO..=1.0, rule)?;
-        within("droq.policy_polyak", self.policy_polyak, ABOVE_ZERO..=1.0, rule)?;
-        within("droq.smoothness", self.smoothness, 0.0..=1000.0, "it must be between 0 and 1000")?;
-        let rule = "it must be at least 0 and at most 1";
-        within("droq.actor_learning_rate", self.actor_learning_rate, 0.0..=1.0, rule)?;
-        within("droq.critic_learning_rate", self.critic_learning_rate, 0.0..=1.0, rule)?;
-        within("droq.temperature_learning_rate", self.temperature_learning_rate, 0.0..=1.0, rule)?;
-        let rule = "it must be above 0 and at most 1000000";
-        within("droq.initial_temperature", self.initial_temperature, ABOVE_ZERO..=1e6, rule)?;
-        let finite = f64::MIN..=f64::MAX;
-        within(
-            "droq.target_entropy_per_action",
-            self.target_entropy_per_action,
-            finite,
-            "it must be finite",
-        )?;
+        let hidden = &self.hidden;
+        let widths = hidden.iter().all(|&width| (1..=MAX_LAYER_WIDTH).contains(&width));
+        if !widths || !(1..=MAX_LAYERS).contains(&hidden.len()) {
+            return Err(ConfigError(format!(
+                "droq.hidden is {hidden:?}: it must list 1 to {MAX_LAYERS} layers of 1 to {MAX_LAYER_WIDTH} units"
+            )));
+        }
+        check_range("droq.dropout", self.dropout, 0.0..=0.9)?;
+        check_range("droq.batch", self.batch as f64, 1.0..=65_536.0)?;
+        check_range("droq.replay_capacity", self.replay_capacity as f64, 1.0..=2_147_483_648.0)?;
+        check_range("droq.discount", self.discount, 0.0..1.0)?;
+        check_range("droq.n_step", self.n_step as f64, 1.0..=100.0)?;
+        check_range("droq.polyak", self.polyak, positive_to(1.0))?;
+        check_range("droq.policy_polyak", self.policy_polyak, positive_to(1.0))?;
+        check_range("droq.smoothness", self.smoothness, 0.0..=1000.0)?;
+        check_range("droq.actor_learning_rate", self.actor_learning_rate, 0.0..=1.0)?;
+        check_range("droq.critic_learning_rate", self.critic_learning_rate, 0.0..=1.0)?;
+        check_range("droq.temperature_learning_rate", self.temperature_learning_rate, 0.0..=1.0)?;
+        check_range("droq.initial_temperature", self.initial_temperature, positive_to(1e6))?;
+        check_range("droq.target_entropy_per_action", self.target_entropy_per_action, ..)?;
         let [low, high] = self.log_std_bounds;
-        let bounds = low >= -40.0 && low < high && high <= 20.0;
-        let rule = "the two bounds must ascend and lie within -40 and 20";
-        require(bounds, "droq.log_std_bounds", format!("{:?}", self.log_std_bounds), rule)
+        if !(low >= -40.0 && low < high && high <= 20.0) {
+            let why = "the two bounds must ascend and lie within -40 and 20";
+            return Err(ConfigError(format!("droq.log_std_bounds is [{low}, {high}]: {why}")));
+        }
+        Ok(())
     }
 }
 
@@ -217,21 +190,19 @@ impl Default for TrainerConfig {
 
 /// Maximum number of environments. Each is a whole simulation, so a typing error could fill the
 /// memory.
-const MAX_ENVS: usize = 4096;
+const MAX_ENVS: f64 = 4096.0;
 
 impl TrainerConfig {
     /// Refuses values that cannot work, naming the field.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        within("trainer.num_envs", self.num_envs, 1..=MAX_ENVS, "it must be at least 1 and at most 4096")?;
-        let rule = "it must be at most 1024";
-        within("trainer.updates_per_vector_step", self.updates_per_vector_step, ..=1024, rule)?;
-        within("trainer.threads", self.threads, ..=1024, rule)?;
-        let rule = "it must be at least 1, since updates need something to learn from";
-        within("trainer.warmup_steps", self.warmup_steps, 1.., rule)?;
-        let rule = "it must be at least 1";
-        within("trainer.total_steps", self.total_steps, 1.., rule)?;
-        within("trainer.log_every_steps", self.log_every_steps, 1.., rule)?;
-        within("trainer.checkpoint_every_steps", self.checkpoint_every_steps, 1.., rule)
+        check_range("trainer.num_envs", self.num_envs as f64, 1.0..=MAX_ENVS)?;
+        check_range("trainer.updates_per_vector_step", self.updates_per_vector_step as f64, ..=1024.0)?;
+        check_range("trainer.threads", self.threads as f64, ..=1024.0)?;
+        // Updates need something to learn from.
+        check_range("trainer.warmup_steps", self.warmup_steps as f64, 1.0..)?;
+        check_range("trainer.total_steps", self.total_steps as f64, 1.0..)?;
+        check_range("trainer.log_every_steps", self.log_every_steps as f64, 1.0..)?;
+        Ok(check_range("trainer.checkpoint_every_steps", self.checkpoint_every_steps as f64, 1.0..)?)
     }
 }
 
@@ -266,8 +237,7 @@ mod tests {
             let mut config = DroqConfig::default();
             spoil(&mut config);
             let error = config.validate().unwrap_err();
-            assert_eq!(error.field, field);
-            assert!(error.to_string().contains("change it in the configuration"));
+            assert!(error.to_string().starts_with(&format!("{field} is ")), "{error}");
         }
         assert!(TrainerConfig { num_envs: 0, ..Default::default() }.validate().is_err());
     }

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use etude_checks::RangeError;
 use thiserror::Error;
 
 use crate::range::OutOfRange;
@@ -50,10 +51,13 @@ pub enum SongError {
         /// ` (did you mean …?)`, or empty.
         similar: String,
     },
+    /// A number outside its range.
+    #[error(transparent)]
+    Range(#[from] RangeError),
     /// Notes that the keyboard does not have.
     #[error(transparent)]
     OutOfRange(#[from] OutOfRange),
-    /// A note, a length, a rate or written music with something wrong in it.
+    /// A note or written music with something wrong in it.
     #[error("{0}")]
     Invalid(String),
 }

@@ -4,6 +4,8 @@
 //! `music/piano_roll.py`), so that scores compare: the number of frames of a song, the frames that
 //! a note covers, and the gap of one frame between two strokes of a key.
 
+use etude_checks::{check_range, positive_to};
+
 use crate::error::SongError;
 use crate::keys::{KEY_COUNT, KeySet, LOWEST_PITCH, key_of_pitch};
 use crate::limits::MAX_CONTROL_HZ;
@@ -27,11 +29,7 @@ impl Song {
     /// # Errors
     /// If a note is off the keyboard, or the rate is not above 0 and at most 1000 Hz.
     pub fn frames(&self, control_hz: f64) -> Result<Vec<KeySet>, SongError> {
-        if !(control_hz > 0.0 && control_hz <= MAX_CONTROL_HZ) {
-            return Err(SongError::Invalid(format!(
-                "cannot cut a song into {control_hz} frames a second; give a rate above 0 and at most {MAX_CONTROL_HZ}"
-            )));
-        }
+        check_range("control_hz", control_hz, positive_to(MAX_CONTROL_HZ))?;
         self.check_range()?;
         let count = floor_frame(self.duration_secs() * control_hz) + 1;
         let mut sounding = vec![KeySet::EMPTY; count];
@@ -183,7 +181,7 @@ mod tests {
     fn silly_rates_are_refused() {
         let song = Song::new("", vec![note(60, 0.0, 1.0)], 0.0).unwrap();
         for rate in [0.0, -20.0, f64::NAN, f64::INFINITY, 1e9] {
-            assert!(song.frames(rate).unwrap_err().to_string().contains("frames a second"), "{rate}");
+            assert!(song.frames(rate).unwrap_err().to_string().contains("control_hz is "), "{rate}");
         }
         assert!(song.episode_frames(CONTROL_HZ, f64::INFINITY).is_err());
     }

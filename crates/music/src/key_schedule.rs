@@ -5,6 +5,7 @@
 //! the next note one frame late ([`Song::frames`]): a player who follows them exactly is 50 ms late
 //! on every repeated note.
 
+use etude_checks::check_range;
 use serde::{Deserialize, Serialize};
 
 use crate::CONTROL_HZ;
@@ -134,18 +135,9 @@ impl KeyScheduleConfig {
     /// # Errors
     /// Names the one that is out of range.
     pub fn check(&self) -> Result<(), SongError> {
-        let limits = [
-            ("restrike_secs", self.restrike_secs, MAX_RESTRIKE_SECS),
-            ("latency_compensation_secs", self.latency_compensation_secs, MAX_LATENCY_COMPENSATION_SECS),
-        ];
-        for (name, secs, longest) in limits {
-            if !(0.0..=longest).contains(&secs) {
-                return Err(SongError::Invalid(format!(
-                    "task.plan.{name} = {secs} must lie in 0 … {longest} s"
-                )));
-            }
-        }
-        Ok(())
+        check_range("task.plan.restrike_secs", self.restrike_secs, 0.0..=MAX_RESTRIKE_SECS)?;
+        let (secs, range) = (self.latency_compensation_secs, 0.0..=MAX_LATENCY_COMPENSATION_SECS);
+        Ok(check_range("task.plan.latency_compensation_secs", secs, range)?)
     }
 
     /// Frames in which a key is up before it is struck again; without one, it would not be struck.

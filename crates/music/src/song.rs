@@ -3,6 +3,8 @@
 //! A song is immutable; changing one makes another. Its notes are always sorted, finite, without
 //! overlaps of one pitch, and within fixed limits, so that no other code needs to check them.
 
+use etude_checks::{POSITIVE, check_range};
+
 use crate::CONTROL_HZ;
 use crate::error::SongError;
 use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch, pitch_name};
@@ -48,9 +50,7 @@ impl Song {
             })?;
         }
         let duration_secs = notes.iter().map(|note| note.end_secs).fold(duration_secs, f64::max);
-        if !(0.0..=MAX_DURATION_SECS).contains(&duration_secs) {
-            return Err(bad_duration(duration_secs));
-        }
+        check_range("duration_secs", duration_secs, 0.0..=MAX_DURATION_SECS)?;
         let notes = without_overlaps(notes);
         Ok(Song { title: title.into(), notes, duration_secs, beats: BeatGrid::default() })
     }
@@ -100,11 +100,7 @@ impl Song {
     /// If the factor is not a positive number, or the song becomes longer than
     /// [`MAX_DURATION_SECS`].
     pub fn stretch(&self, factor: f64) -> Result<Song, SongError> {
-        if !(factor.is_finite() && factor > 0.0) {
-            return Err(SongError::Invalid(format!(
-                "cannot stretch a song by {factor}; give a positive factor, above 1 for slower and below 1 for faster"
-            )));
-        }
+        check_range("the stretch factor", factor, POSITIVE)?;
         let scale = |note: &Note| Note {
             start_secs: note.start_secs * factor,
             end_secs: note.end_secs * factor,
@@ -183,18 +179,11 @@ impl Song {
     /// [`MAX_DURATION_SECS`].
     pub fn with_initial_silence(&self, secs: f64) -> Result<Song, SongError> {
         let duration_secs = self.duration_secs + secs;
-        if !(secs >= 0.0 && duration_secs <= MAX_DURATION_SECS) {
-            return Err(bad_duration(duration_secs));
-        }
+        check_range("initial_silence_secs", secs, 0.0..)?;
+        check_range("duration_secs", duration_secs, ..=MAX_DURATION_SECS)?;
         let notes = self.notes.iter().map(|note| shifted(note, secs)).collect();
         Ok(Song { notes, duration_secs, beats: self.beats.delayed(secs), title: self.title.clone() })
     }
-}
-
-fn bad_duration(secs: f64) -> SongError {
-    SongError::Invalid(format!(
-        "the song would last {secs} s; it must be at least 0 s and at most {MAX_DURATION_SECS} s"
-    ))
 }
 
 fn shifted(note: &Note, secs: f64) -> Note {

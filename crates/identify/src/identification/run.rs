@@ -9,14 +9,13 @@ use etude_stage::PhysicalParams;
 
 use super::error::IdentifyError;
 use super::pass::{Pass, PassEnd};
-use super::setup::Setup;
+use super::setup::{Batch, Setup};
 use super::start_values::{find_delays, restart_jerk_limits};
 use super::state::State;
 use crate::fit::Fit;
 use crate::group::Group;
 use crate::method::Candidate;
 use crate::motion::Motion;
-use crate::problem::Evaluation;
 
 /// Progress of a pass.
 #[derive(Clone, Debug)]
@@ -76,19 +75,16 @@ pub(super) fn run(
         if batch == 0 {
             break;
         }
-        let worlds: Vec<PhysicalParams> =
-            (0..batch).map(|index| world_of(setup, state, &asked, index)).collect();
-        // Motions used by a fit that still runs.
-        let wanted = |motion: &Motion| {
-            let mut fits = state.fits.iter().zip(&asked);
-            fits.any(|((group, _), asked)| !asked.is_empty() && group.learns_from(motion))
-        };
-        let traces = setup.replay(&worlds, &motions, wanted, pass == Pass::Contact, job.interrupt())?;
-        for ((group, fit), candidates) in state.fits.iter_mut().zip(&asked) {
+        let batches: Vec<Batch<'_>> = (state.fits.iter().zip(&asked))
+            .map(|((group, fit), candidates)| {
+                let best = fit.best().map(|best| best.values.as_slice());
+                Batch { group, problem: fit.problem(), candidates, best }
+            })
+            .collect();
+        let keys = pass == Pass::Contact;
+        let evaluated = setup.evaluate(&state.params, &began, &batches, &motions, keys, job.interrupt())?;
+        for (((_, fit), candidates), evaluations) in state.fits.iter_mut().zip(&asked).zip(evaluated) {
             if !candidates.is_empty() {
-                let evaluations: Vec<Evaluation> = (0..candidates.len())
-                    .map(|index| group.evaluate(&began, &worlds[index], &motions, &traces[index]))
-                    .collect();
                 fit.tell(&evaluations)?;
             }
         }
@@ -137,19 +133,6 @@ fn fits(
         fits.push((group, Fit::new(problem, &pass.method(&state.config.method), seed)?));
     }
     if fits.is_empty() { Err(IdentifyError::Nothing) } else { Ok(fits) }
-}
-
-/// The parameters with candidate `index` of each fit, or its best so far if it has fewer
-/// candidates.
-fn world_of(setup: &Setup<'_>, state: &State, asked: &[Vec<Candidate>], index: usize) -> PhysicalParams {
-    let mut params = state.params.clone();
-    for ((_, fit), candidates) in state.fits.iter().zip(asked) {
-        let values = candidates.get(index).map(|candidate| &candidate.values);
-        if let Some(values) = values.or_else(|| fit.best().map(|best| &best.values)) {
-            setup.set(&mut params, fit.problem(), values);
-        }
-    }
-    params
 }
 
 /// Takes the best candidates of a pass over into the parameters.

@@ -9,10 +9,11 @@ use super::error::IdentifyError;
 use super::state::IdentifyConfig;
 use crate::error::FitError;
 use crate::group::Group;
+use crate::method::Candidate;
 use crate::motion::Motion;
 use crate::parameter_bounds::{contact_parameters, follow_stiffness, joint_parameters, start};
 use crate::presses::{self, Measured};
-use crate::problem::Problem;
+use crate::problem::{Evaluation, Problem};
 use crate::replay::{Replayer, Trace};
 use crate::space::Parameter;
 
@@ -28,6 +29,15 @@ pub(super) struct Setup<'a> {
 
 /// Traces of one simulation, one a motion; `None` where it diverged, or was not wanted.
 pub(super) type Traces = Vec<Option<Trace>>;
+
+/// Candidates of a group.
+pub(super) struct Batch<'a> {
+    pub group: &'a Group,
+    pub problem: &'a Problem,
+    pub candidates: &'a [Candidate],
+    /// Values in place of candidates that the group does not have.
+    pub best: Option<&'a [f64]>,
+}
 
 impl<'a> Setup<'a> {
     pub fn new(motions: &'a [Motion], config: &IdentifyConfig) -> Result<Self, IdentifyError> {
@@ -76,6 +86,43 @@ impl<'a> Setup<'a> {
             let _ = params.set(&parameter.path, *value);
         }
         follow_stiffness(&self.before, params);
+    }
+
+    /// Evaluates candidates of several groups in shared replays of `motions`: candidate *i* of each
+    /// group in the same simulation, on top of `params`. `before` is the mean of the priors. `keys`
+    /// records the travel of the keys too.
+    pub fn evaluate(
+        &self,
+        params: &PhysicalParams,
+        before: &PhysicalParams,
+        batches: &[Batch<'_>],
+        motions: &[Motion],
+        keys: bool,
+        interrupt: &AtomicBool,
+    ) -> Result<Vec<Vec<Evaluation>>, IdentifyError> {
+        let simulation = |index: usize| {
+            let mut params = params.clone();
+            for Batch { problem, candidates, best, .. } in batches {
+                let values = candidates.get(index).map(|candidate| candidate.values.as_slice());
+                if let Some(values) = values.or(*best) {
+                    self.set(&mut params, problem, values);
+                }
+            }
+            params
+        };
+        let count = batches.iter().map(|batch| batch.candidates.len()).max().unwrap_or(0);
+        let simulations: Vec<PhysicalParams> = (0..count).map(simulation).collect();
+        let is_used = |motion: &Motion| {
+            batches.iter().any(|batch| !batch.candidates.is_empty() && batch.group.learns_from(motion))
+        };
+        let traces = self.replay(&simulations, motions, is_used, keys, interrupt)?;
+        let evaluations = |batch: &Batch<'_>| {
+            let indices = 0..batch.candidates.len();
+            let of =
+                |index: usize| batch.group.evaluate(before, &simulations[index], motions, &traces[index]);
+            indices.map(of).collect()
+        };
+        Ok(batches.iter().map(evaluations).collect())
     }
 
     /// Replays the motions that are wanted in a simulation with each set of parameters. `keys`

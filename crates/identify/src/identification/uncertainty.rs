@@ -8,14 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use super::error::IdentifyError;
 use super::pass::{ESTIMATE_STEP, Pass, PassEnd};
-use super::setup::Setup;
+use super::setup::{Batch, Setup};
 use super::state::State;
 use crate::estimate::Estimate;
 use crate::group::Group;
 use crate::jacobian::JacobianPlan;
-use crate::method::Candidate;
 use crate::presses::Measured;
-use crate::problem::Evaluation;
 
 /// The result of an identification.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -71,26 +69,16 @@ fn pass_estimates(
         let candidates = plan.candidates(&problem);
         problems.push((group, problem, plan, candidates));
     }
-    let batch = problems.iter().map(|(.., candidates)| candidates.len()).max().unwrap_or(0);
-    let world = |index: usize| {
-        let mut params = params.clone();
-        for (_, problem, _, candidates) in &problems {
-            if let Some(Candidate { values, .. }) = candidates.get(index) {
-                setup.set(&mut params, problem, values);
-            }
-        }
-        params
-    };
-    let worlds: Vec<PhysicalParams> = (0..batch).map(world).collect();
+    let batches: Vec<Batch<'_>> = (problems.iter())
+        .map(|(group, problem, _, candidates)| Batch { group, problem, candidates, best: None })
+        .collect();
     // Too short to be interrupted.
-    let traces = setup.replay(&worlds, &motions, |_| true, pass == Pass::Contact, &AtomicBool::new(false))?;
+    let (keys, interrupt) = (pass == Pass::Contact, AtomicBool::new(false));
+    let evaluated = setup.evaluate(params, &setup.before, &batches, &motions, keys, &interrupt)?;
     let mut estimates = Vec::new();
-    for (group, problem, plan, candidates) in problems {
-        let evaluations: Vec<Evaluation> = (0..candidates.len())
-            .map(|index| group.evaluate(&setup.before, &worlds[index], &motions, &traces[index]))
-            .collect();
-        let linear = plan.finish(&problem, &evaluations)?;
-        estimates.push((group.name.clone(), Estimate::new(&problem, &linear)?));
+    for ((group, problem, plan, _), evaluations) in problems.iter().zip(evaluated) {
+        let linear = plan.finish(problem, &evaluations)?;
+        estimates.push((group.name.clone(), Estimate::new(problem, &linear)?));
     }
     Ok(estimates)
 }

@@ -117,7 +117,7 @@ fn what_cannot_be_fitted_is_refused_with_the_reason() {
     assert!(refused(vec![], Loss::Squared).contains("no residual"));
     assert!(refused(vec![Block::new("thumb", 0)], Loss::Squared).contains("no residual"));
     assert!(refused(vec![thumb(), thumb()], Loss::Squared).contains("called `thumb`"));
-    assert!(refused(vec![thumb()], Loss::Huber(0.0)).contains("bends at 0"));
+    assert!(refused(vec![thumb()], Loss::Huber(0.0)).contains("the bend of the Huber loss is 0"));
     let unknown = refused(vec![Block::new("index", 3)], Loss::Squared);
     assert!(unknown.contains("`thumb`") && unknown.contains("index"), "{unknown}");
 }

@@ -1,6 +1,6 @@
 //! Starting and resuming a training.
 
-use std::{fmt::Display, path::Path};
+use std::path::Path;
 
 use super::{
     Trainer, TrainingInputs,
@@ -198,17 +198,15 @@ impl Trainer {
         let TrainingInputs { environment, evaluator, notes } = inputs;
         let (n, layout, action_len) =
             (environment.num_envs(), environment.layout(), environment.action_len());
-        let refuse = |field, value: &dyn Display, rule| {
-            Err(ConfigError { field, value: value.to_string(), rule }.into())
-        };
         if n != config.num_envs {
-            let rule = "the environment that was given has another number of copies";
-            return refuse("trainer.num_envs", &config.num_envs, rule);
+            let why =
+                format!("trainer.num_envs is {}: the given environment has {n} copies", config.num_envs);
+            return Err(ConfigError(why).into());
         }
         let capacity = droq_config.replay_capacity;
         if !Replay::fits(layout, action_len, capacity) {
-            let rule = "the memory of this machine does not hold as many transitions";
-            return refuse("droq.replay_capacity", &capacity, rule);
+            let why = "the memory of this machine does not hold as many transitions";
+            return Err(ConfigError(format!("droq.replay_capacity is {capacity}: {why}")).into());
         }
         let pool = std::sync::Arc::new(thread_pool(config.threads)?);
         Ok(Self {
