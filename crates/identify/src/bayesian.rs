@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::gaussian_process::GaussianProcess;
-use crate::method::{Method, Outcome, Reason};
+use crate::method::{Outcome, Reason};
 use crate::problem::Problem;
 use crate::random::Draws;
 use crate::space::all_inside;
@@ -35,6 +35,32 @@ pub(crate) struct Bo {
 impl Bo {
     pub(crate) fn new(seed: u64) -> Self {
         Self { seed, batch: 0, evaluated: Vec::new() }
+    }
+
+    pub(crate) fn propose(&self, problem: &Problem) -> Vec<Vec<f64>> {
+        if self.evaluated.is_empty() {
+            return self.initial(problem);
+        }
+        let n = problem.space().len();
+        let mut draws = Draws::new(self.seed, self.batch);
+        let mut point = self.suggested(n, &mut draws).unwrap_or_else(|| random_point(n, &mut draws));
+        // A known point is replaced by a random one, with a limit on the attempts.
+        for _ in 0..20 {
+            if !self.is_known(&point) {
+                break;
+            }
+            point = random_point(n, &mut draws);
+        }
+        vec![point]
+    }
+
+    pub(crate) fn update(&mut self, points: &[Vec<f64>], outcomes: &[Option<Outcome<'_>>]) -> Option<Reason> {
+        for (point, outcome) in points.iter().zip(outcomes) {
+            self.evaluated.push((all_inside(point), outcome.as_ref().map(|outcome| outcome.cost)));
+        }
+        self.batch += 1;
+        let none = self.evaluated.iter().all(|(_, cost)| cost.is_none());
+        (none && self.batch > 1).then_some(Reason::Failures)
     }
 
     /// The start, and a Latin hypercube: each parameter's range in as many stripes as candidates,
@@ -144,37 +170,4 @@ fn search(
         }
     }
     ranked.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, point)| point)
-}
-
-impl Method for Bo {
-    fn propose(&self, problem: &Problem) -> Vec<Vec<f64>> {
-        if self.evaluated.is_empty() {
-            return self.initial(problem);
-        }
-        let n = problem.space().len();
-        let mut draws = Draws::new(self.seed, self.batch);
-        let mut point = self.suggested(n, &mut draws).unwrap_or_else(|| random_point(n, &mut draws));
-        // A known point is replaced by a random one, with a limit on the attempts.
-        for _ in 0..20 {
-            if !self.is_known(&point) {
-                break;
-            }
-            point = random_point(n, &mut draws);
-        }
-        vec![point]
-    }
-
-    fn learn(
-        &mut self,
-        _problem: &Problem,
-        points: &[Vec<f64>],
-        outcomes: &[Option<Outcome<'_>>],
-    ) -> Option<Reason> {
-        for (point, outcome) in points.iter().zip(outcomes) {
-            self.evaluated.push((all_inside(point), outcome.as_ref().map(|outcome| outcome.cost)));
-        }
-        self.batch += 1;
-        let none = self.evaluated.iter().all(|(_, cost)| cost.is_none());
-        (none && self.batch > 1).then_some(Reason::Failures)
-    }
 }

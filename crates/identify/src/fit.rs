@@ -1,4 +1,4 @@
-//! The interface of all methods: ask for a batch, evaluate it anywhere, pass the residuals back.
+//! The interface of all methods: ask for a batch, evaluate it, tell the residuals.
 //!
 //! A fit holds what the methods share: the best candidate so far, counts, budget, failures, and the
 //! saved state.
@@ -9,7 +9,7 @@ use crate::bayesian::Bo;
 use crate::config::MethodConfig;
 use crate::error::FitError;
 use crate::levenberg_marquardt::Lm;
-use crate::method::{Candidate, Method, Outcome, Reason};
+use crate::method::{Candidate, Outcome, Reason};
 use crate::problem::{Evaluation, Problem};
 
 /// Each new candidate of Bayesian optimisation takes time in proportion to the cube of all before.
@@ -26,6 +26,7 @@ pub struct Best {
     pub cost: f64,
 }
 
+/// The state of the method. It is saved as JSON, so it must hold finite numbers only.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum State {
@@ -34,17 +35,25 @@ enum State {
 }
 
 impl State {
-    fn method(&self) -> &dyn Method {
+    /// The next batch, a function of the state alone. The fit moves coordinates inside the bounds.
+    fn propose(&self, problem: &Problem) -> Vec<Vec<f64>> {
         match self {
-            Self::Lm(lm) => lm.as_ref(),
-            Self::Bo(bo) => bo.as_ref(),
+            Self::Lm(lm) => lm.propose(problem),
+            Self::Bo(bo) => bo.propose(problem),
         }
     }
 
-    fn method_mut(&mut self) -> &mut dyn Method {
+    /// Takes the outcomes of the proposed points; `None` for a failure. Returns why the fit ends,
+    /// if it does.
+    fn update(
+        &mut self,
+        problem: &Problem,
+        points: &[Vec<f64>],
+        outcomes: &[Option<Outcome<'_>>],
+    ) -> Option<Reason> {
         match self {
-            Self::Lm(lm) => lm.as_mut(),
-            Self::Bo(bo) => bo.as_mut(),
+            Self::Lm(lm) => lm.update(problem, points, outcomes),
+            Self::Bo(bo) => bo.update(points, outcomes),
         }
     }
 }
@@ -97,7 +106,7 @@ impl Fit {
         if self.finished.is_some() {
             return Vec::new();
         }
-        self.asked.get_or_insert_with(|| self.state.method().propose(&self.problem)).clone()
+        self.asked.get_or_insert_with(|| self.state.propose(&self.problem)).clone()
     }
 
     /// Takes the evaluations of the last batch, one a candidate in the order of [`Fit::ask`].
@@ -127,7 +136,7 @@ impl Fit {
                 let given = residuals.len();
                 return Err(FitError(format!(
                     "candidate {candidate} of the batch has {given} residuals where the problem has {samples}; give one \
-                     residual for each sample of each block, whatever the candidate"
+                     residual for each sample of each block, for every candidate"
                 )));
             }
         }
@@ -147,7 +156,7 @@ impl Fit {
             }
             self.evaluations += 1;
         }
-        self.finished = self.state.method_mut().learn(&self.problem, &points, &outcomes);
+        self.finished = self.state.update(&self.problem, &points, &outcomes);
         if self.finished.is_none() && self.evaluations >= self.max_evaluations {
             self.finished = Some(Reason::Budget);
         }

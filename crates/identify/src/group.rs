@@ -79,7 +79,7 @@ impl Group {
     }
 
     /// Whether a motion has residuals of this group.
-    pub fn learns_from(&self, motion: &Motion) -> bool {
+    pub fn uses(&self, motion: &Motion) -> bool {
         self.joints_of(motion).next().is_some() || (self.keys && !motion.keys.is_empty())
     }
 
@@ -94,7 +94,7 @@ impl Group {
     ) -> Evaluation {
         let mut residuals = Vec::new();
         for (motion, trace) in motions.iter().zip(traces) {
-            if !self.learns_from(motion) {
+            if !self.uses(motion) {
                 continue;
             }
             let trace = trace.as_ref()?;
@@ -152,8 +152,8 @@ pub fn fingers() -> Vec<Group> {
 }
 
 /// The keyboard, fitted to which keys sound and when. The pressing joints' readings are left out:
-/// how a finger yields under a key depends on play and static friction, which the simulated joints
-/// lack, and would bias the keyboard's parameters.
+/// how a finger yields under a key depends on backlash and static friction, which the simulated
+/// joints lack, and would bias the keyboard's parameters.
 pub fn keyboard() -> Group {
     Group { name: "keyboard".to_string(), joints: Vec::new(), keys: true, uses_prior: true }
 }

@@ -19,7 +19,7 @@ pub struct Jacobian {
 #[derive(Clone, Debug, PartialEq)]
 struct BlockSlopes {
     block: usize,
-    /// Place of the block in the residuals.
+    /// Index of its first residual.
     start: usize,
     slopes: Vec<f64>,
 }
@@ -71,11 +71,11 @@ pub(crate) fn colours(problem: &Problem) -> Vec<Vec<usize>> {
     for parameter in 0..problem.space().len() {
         let wanted = problem.influenced(parameter);
         let free = sets.iter().position(|(_, taken)| wanted.iter().all(|&block| !taken[block]));
-        let place = free.unwrap_or_else(|| {
+        let index = free.unwrap_or_else(|| {
             sets.push((Vec::new(), vec![false; blocks]));
             sets.len() - 1
         });
-        let (members, taken) = &mut sets[place];
+        let (members, taken) = &mut sets[index];
         members.push(parameter);
         wanted.iter().for_each(|&block| taken[block] = true);
     }

@@ -4,13 +4,13 @@
 //! Bounds are an active set: a parameter at its bound whose slope points outward is held. One that
 //! a step would move over its bound is put on the bound, and the others are solved for again.
 //!
-//! Why not a library: docs/decisions.md.
+//! Not a library: none does all of ask/tell, bounds and a state that is saved after each batch.
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::LmConfig;
 use crate::jacobian::{assemble, probes};
-use crate::method::{Method, Outcome, Reason};
+use crate::method::{Outcome, Reason};
 use crate::problem::Problem;
 use crate::space::all_inside;
 
@@ -79,6 +79,36 @@ impl Lm {
         }
     }
 
+    pub(crate) fn propose(&self, problem: &Problem) -> Vec<Vec<f64>> {
+        match &self.phase {
+            Phase::Start => vec![self.point.clone()],
+            Phase::Jacobian { attempts } => {
+                self.jacobian_probes(problem, attempts).into_iter().map(|probe| probe.point).collect()
+            }
+            Phase::Trial { point, .. } => vec![point.clone()],
+        }
+    }
+
+    pub(crate) fn update(
+        &mut self,
+        problem: &Problem,
+        points: &[Vec<f64>],
+        outcomes: &[Option<Outcome<'_>>],
+    ) -> Option<Reason> {
+        let first = outcomes.first().and_then(Option::as_ref);
+        match self.phase.clone() {
+            Phase::Start => match (points.first(), first) {
+                (Some(point), Some(outcome)) => {
+                    self.move_to(point, outcome);
+                    None
+                }
+                _ => Some(Reason::Failures),
+            },
+            Phase::Jacobian { attempts } => self.update_jacobian(problem, attempts, outcomes),
+            Phase::Trial { point, predicted } => self.update_trial(&point, predicted, first),
+        }
+    }
+
     fn begin_jacobian(&mut self) {
         self.phase = Phase::Jacobian { attempts: vec![0; self.point.len()] };
     }
@@ -135,7 +165,7 @@ impl Lm {
         self.growth = (2.0 * self.growth).min(1e6);
     }
 
-    fn learn_jacobian(
+    fn update_jacobian(
         &mut self,
         problem: &Problem,
         mut attempts: Vec<u8>,
@@ -159,7 +189,7 @@ impl Lm {
         probes(problem, &self.point, self.config.differences, self.difference_step, attempts)
     }
 
-    fn learn_trial(
+    fn update_trial(
         &mut self,
         point: &[f64],
         predicted: f64,
@@ -183,37 +213,5 @@ impl Lm {
             return self.settle(Reason::Cost);
         }
         None
-    }
-}
-
-impl Method for Lm {
-    fn propose(&self, problem: &Problem) -> Vec<Vec<f64>> {
-        match &self.phase {
-            Phase::Start => vec![self.point.clone()],
-            Phase::Jacobian { attempts } => {
-                self.jacobian_probes(problem, attempts).into_iter().map(|probe| probe.point).collect()
-            }
-            Phase::Trial { point, .. } => vec![point.clone()],
-        }
-    }
-
-    fn learn(
-        &mut self,
-        problem: &Problem,
-        points: &[Vec<f64>],
-        outcomes: &[Option<Outcome<'_>>],
-    ) -> Option<Reason> {
-        let first = outcomes.first().and_then(Option::as_ref);
-        match self.phase.clone() {
-            Phase::Start => match (points.first(), first) {
-                (Some(point), Some(outcome)) => {
-                    self.move_to(point, outcome);
-                    None
-                }
-                _ => Some(Reason::Failures),
-            },
-            Phase::Jacobian { attempts } => self.learn_jacobian(problem, attempts, outcomes),
-            Phase::Trial { point, predicted } => self.learn_trial(&point, predicted, first),
-        }
     }
 }

@@ -1,4 +1,4 @@
-//! What a method of a fit does: it proposes candidates and learns from their outcomes.
+//! What the methods of a fit exchange with it: candidates and their outcomes.
 
 use serde::{Deserialize, Serialize};
 
@@ -44,18 +44,4 @@ pub enum Reason {
 pub(crate) struct Outcome<'a> {
     pub residuals: &'a [f64],
     pub cost: f64,
-}
-
-/// What a method has to do. Its state is saved as JSON, so it must hold finite numbers only.
-pub(crate) trait Method {
-    /// The next batch, a function of the state alone. The fit moves coordinates inside the bounds.
-    fn propose(&self, problem: &Problem) -> Vec<Vec<f64>>;
-    /// Takes the outcomes of the proposed `points`; `None` for a failure. Returns why the fit ends,
-    /// if it does.
-    fn learn(
-        &mut self,
-        problem: &Problem,
-        points: &[Vec<f64>],
-        outcomes: &[Option<Outcome<'_>>],
-    ) -> Option<Reason>;
 }

@@ -131,7 +131,7 @@ impl Problem {
         self.blocks.iter().map(|block| block.samples).sum()
     }
 
-    /// Place of each block in the residuals.
+    /// Range of each block in the residuals.
     pub fn ranges(&self) -> Vec<Range<usize>> {
         let mut end = 0;
         let range = |block: &Block| {

@@ -118,7 +118,7 @@ fn fits(
 ) -> Result<Vec<(Group, Fit)>, IdentifyError> {
     let mut fits = Vec::new();
     for (index, group) in pass.groups().into_iter().enumerate() {
-        if !motions.iter().any(|motion| group.learns_from(motion)) {
+        if !motions.iter().any(|motion| group.uses(motion)) {
             continue;
         }
         let mut parameters = setup.parameters(&group, motions);

@@ -113,7 +113,7 @@ impl<'a> Setup<'a> {
         let count = batches.iter().map(|batch| batch.candidates.len()).max().unwrap_or(0);
         let simulations: Vec<PhysicalParams> = (0..count).map(simulation).collect();
         let is_used = |motion: &Motion| {
-            batches.iter().any(|batch| !batch.candidates.is_empty() && batch.group.learns_from(motion))
+            batches.iter().any(|batch| !batch.candidates.is_empty() && batch.group.uses(motion))
         };
         let traces = self.replay(&simulations, motions, is_used, keys, interrupt)?;
         let evaluations = |batch: &Batch<'_>| {

@@ -61,7 +61,7 @@ fn pass_estimates(
     let mut problems = Vec::new();
     // From the recordings alone, without the prior.
     let groups = pass.groups().into_iter().map(|group| Group { uses_prior: false, ..group });
-    for group in groups.filter(|group| motions.iter().any(|motion| group.learns_from(motion))) {
+    for group in groups.filter(|group| motions.iter().any(|motion| group.uses(motion))) {
         let problem = group.problem(setup.parameters(&group, &motions), &motions)?;
         let values = problem.space().parameters().iter().map(|parameter| params.get(&parameter.path));
         let point = problem.space().to_normalised(&values.collect::<Result<Vec<_>, _>>()?);

@@ -26,8 +26,8 @@ pub(super) struct Hand<'a> {
 }
 
 impl Hand<'_> {
-    /// Whether a finger aims beside the middle of a key at a time.
-    pub fn aims_beside(&self, finger: usize, key: usize, secs: f64) -> bool {
+    /// Whether the target of a finger is beside the middle of a key at a time.
+    pub fn targets_gap(&self, finger: usize, key: usize, secs: f64) -> bool {
         self.target(finger, (secs * CONTROL_HZ) as usize)
             .is_some_and(|tip| (tip[1] - key_lateral(key)).abs() > OFF_MIDDLE_M)
     }

@@ -18,7 +18,7 @@ const CLEAR_M: f64 = 0.004;
 const SHARED_ERROR_M: f64 = 3e-4;
 
 /// A press beside a gap.
-struct Beside {
+struct GapPress {
     finger: usize,
     /// How far from the gap's nominal position the fingertip was before it came down, m, by its
     /// encoders.
@@ -33,7 +33,7 @@ struct Beside {
 /// Measures the keyboard's lateral position, and the encoder bias of each finger's first joint.
 /// Empty if a finger has found no gap.
 pub(super) fn measure(hands: &[Hand<'_>]) -> Vec<Measured> {
-    let presses: Vec<Beside> = hands.iter().flat_map(presses).collect();
+    let presses: Vec<GapPress> = hands.iter().flat_map(gap_presses).collect();
     let gap_of = |finger: usize| {
         let own = presses.iter().filter(|press| press.finger == finger);
         gap(own.map(|press| [press.offset_m, press.sounded]).collect())
@@ -74,7 +74,7 @@ fn gap(mut points: Vec<[f64; 2]>) -> Option<Sample> {
 }
 
 /// The presses of a recording beside gaps.
-fn presses(hand: &Hand<'_>) -> Vec<Beside> {
+fn gap_presses(hand: &Hand<'_>) -> Vec<GapPress> {
     let mut found = Vec::new();
     for finger in 0..FINGERS {
         let tip = |step: usize| hand.target(finger, step);
@@ -87,7 +87,7 @@ fn presses(hand: &Hand<'_>) -> Vec<Beside> {
             }
             // The last step of a press.
             if is_down(step) && !is_down(step + 1) {
-                found.extend(clear.and_then(|clear| beside(hand, finger, [clear, step])));
+                found.extend(clear.and_then(|clear| gap_press(hand, finger, [clear, step])));
             }
         }
     }
@@ -95,7 +95,7 @@ fn presses(hand: &Hand<'_>) -> Vec<Beside> {
 }
 
 /// The press between two steps, the last one above the keys and the last one that presses.
-fn beside(hand: &Hand<'_>, finger: usize, [clear, last]: [usize; 2]) -> Option<Beside> {
+fn gap_press(hand: &Hand<'_>, finger: usize, [clear, last]: [usize; 2]) -> Option<GapPress> {
     let y = hand.target(finger, last)?[1];
     let whites = (0..KEY_COUNT).filter(|key| !key_is_black(*key));
     // The white key whose upper gap is nearest.
@@ -117,7 +117,7 @@ fn beside(hand: &Hand<'_>, finger: usize, [clear, last]: [usize; 2]) -> Option<B
     let index = hand.indices([clear as f64 / CONTROL_HZ, f64::INFINITY]).start;
     let gap = key_lateral(lower) + WHITE_PITCH / 2.0;
     let slope = hand.moved_by(finger, &hand.angles(finger, index), 0)[1];
-    Some(Beside { finger, offset_m: hand.lateral(finger, index)? - gap, sounded, slope })
+    Some(GapPress { finger, offset_m: hand.lateral(finger, index)? - gap, sounded, slope })
 }
 
 #[cfg(test)]
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn a_gap_is_where_one_key_gives_way_to_the_next() {
         let points = |sounded: &[f64]| -> Vec<[f64; 2]> {
-            sounded.iter().enumerate().rev().map(|(place, sounded)| [place as f64, *sounded]).collect()
+            sounded.iter().enumerate().rev().map(|(index, sounded)| [index as f64, *sounded]).collect()
         };
         let found = |sounded: &[f64]| gap(points(sounded)).map(|found| (found.value, found.half));
         assert_eq!(found(&[-1.0, -1.0, 1.0, 1.0, 1.0]), Some((1.5, 0.5)));

@@ -7,7 +7,7 @@
 //! once those of the same finger in the air are taken off. Backlash does not matter either: while
 //! the key pushes, it is on the same side.
 //!
-//! Presses beside the gaps between keys show how far to the side the keyboard is ([`lateral`]),
+//! Presses beside the gaps between keys show the lateral position of the keyboard ([`lateral`]),
 //! pushes against black keys how far toward the player ([`depth`]).
 
 use etude_stage::PhysicalParams;
@@ -129,7 +129,7 @@ pub fn describe(motions: &[Motion], measured: &[Measured]) -> Option<String> {
             .zip(value(WorldRow::KeyboardHeight));
         let Some(((threshold, hysteresis), height)) = found else {
             return format!(
-                "slow presses show nothing: each finger must press {MIN_PRESSES} keys to their bottom; see that the keyboard is in its place, \
+                "slow presses show nothing: each finger must press {MIN_PRESSES} keys to their bottom; check that the keyboard is in its position, \
                  and record the excitation `keys` again"
             );
         };

@@ -75,7 +75,7 @@ impl<'a> Hand<'a> {
 
     fn press(&'a self, key: usize, [sounds, silent]: [f64; 2]) -> Option<Press<'a>> {
         let finger = self.finger_over(key, sounds)?;
-        if key_is_black(key) || self.aims_beside(finger, key, sounds) {
+        if key_is_black(key) || self.targets_gap(finger, key, sounds) {
             return None;
         }
         let travel = |secs: f64| self.travel(key, finger, secs);

@@ -19,15 +19,15 @@ pub(super) fn elements(identified: &Identified) -> Vec<String> {
         for weak in &estimate.weak {
             let mut refer = Vec::new();
             for advice in advice(weak.parts.iter().map(|(path, _)| path.as_str())) {
-                let place = used.iter().position(|(known, _)| *known == advice).unwrap_or_else(|| {
+                let index = used.iter().position(|(known, _)| *known == advice).unwrap_or_else(|| {
                     used.push((advice, Vec::new()));
                     used.len() - 1
                 });
-                refer.push((place + 1).to_string());
+                refer.push((index + 1).to_string());
                 let concerned = weak.parts.iter().filter(|(path, _)| advice.rows.contains(&row_of(path)));
                 for joint in concerned.filter_map(|(path, _)| joint_of(path)) {
-                    if !used[place].1.contains(&joint) {
-                        used[place].1.push(joint);
+                    if !used[index].1.contains(&joint) {
+                        used[index].1.push(joint);
                     }
                 }
             }

@@ -28,7 +28,7 @@ const SLOW_SECS: f64 = 0.05;
 /// Time after a change of direction in which a joint takes up its backlash, s.
 const TURN_SECS: f64 = 0.05;
 
-/// One reading of a joint beside its simulation.
+/// One reading of a joint and its simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sample {
     /// When it was read, s.
@@ -65,7 +65,7 @@ pub(super) struct ErrorDecomposition {
     pub slopes: [f64; REGRESSORS],
 }
 
-/// Readings of a joint beside its simulation.
+/// Readings of a joint and its simulation.
 pub(super) fn samples(motion: &Motion, trace: &Trace, joint: usize) -> Vec<Sample> {
     let stands = STANDSTILL[usize::from(joint == RAIL)];
     let (mut direction, mut turned) = (0.0, f64::NEG_INFINITY);
@@ -233,7 +233,8 @@ mod tests {
         assert!(hum.fast > 0.97, "{hum:?}");
         let drift = decompose(&sweep(|_, secs| 1e-3 * (secs * 0.7).sin()), 1e-5).unwrap();
         assert!(drift.slow > 0.97, "{drift:?}");
-        // An error only where the joint turns falls there, whatever else it goes with.
+        // An error only where the joint changes direction is found there, whatever else it
+        // correlates with.
         let samples: Vec<Sample> = sweep(|_, _| 1.0)
             .into_iter()
             .map(|sample| Sample { error: if sample.turned { 0.01 } else { 0.0 }, ..sample })

@@ -38,14 +38,14 @@ fn coverage(fits: u64, persistence: f64, loss: Loss, outliers: bool) -> f64 {
         let mut random = Pcg64::seed_from_u64(seed);
         let noise = noise(&mut random, SAMPLES, persistence);
         let mut data: Vec<f64> =
-            clean.iter().zip(noise).map(|(place, noise)| place + NOISE * noise).collect();
+            clean.iter().zip(noise).map(|(position, noise)| position + NOISE * noise).collect();
         if outliers {
             (0..SAMPLES).step_by(23).for_each(|k| data[k] += 20.0 * NOISE * normal(&mut random));
         }
         let parameters =
             (0..3).map(|i| Parameter::new(&format!("p{i}"), BOUNDS[i][0], BOUNDS[i][1], TRUTH[i]));
         let space = Space::new(parameters.collect()).unwrap();
-        let problem = Problem::new(space, vec![Block::new("place", SAMPLES)], loss).unwrap();
+        let problem = Problem::new(space, vec![Block::new("position", SAMPLES)], loss).unwrap();
         let residuals = |x: &[f64]| oscillator_residuals(x, &data, STEP_SECS, NOISE);
         let mut fit = Fit::new(problem.clone(), &MethodConfig::Lm(LmConfig::default()), 0).unwrap();
         run(&mut fit, &residuals);

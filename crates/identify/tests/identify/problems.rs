@@ -56,7 +56,7 @@ pub fn estimated(problem: &Problem, point: &[f64], residuals: &Residuals<'_>) ->
 pub fn oscillate(values: &[f64], step_secs: f64, steps: usize) -> Vec<f64> {
     let slope = |p: f64, v: f64| (v, -values[0] * p - values[1] * v - values[2] * p * p * p);
     let (mut p, mut v, h) = (1.0, 0.0, step_secs);
-    let mut places = Vec::with_capacity(steps);
+    let mut positions = Vec::with_capacity(steps);
     for _ in 0..steps {
         let a = slope(p, v);
         let b = slope(p + 0.5 * h * a.0, v + 0.5 * h * a.1);
@@ -64,15 +64,15 @@ pub fn oscillate(values: &[f64], step_secs: f64, steps: usize) -> Vec<f64> {
         let d = slope(p + h * c.0, v + h * c.1);
         p += h / 6.0 * (a.0 + 2.0 * b.0 + 2.0 * c.0 + d.0);
         v += h / 6.0 * (a.1 + 2.0 * b.1 + 2.0 * c.1 + d.1);
-        places.push(p);
+        positions.push(p);
     }
-    places
+    positions
 }
 
 /// Residuals of the oscillator with these parameters against recorded positions.
 pub fn oscillator_residuals(values: &[f64], data: &[f64], step_secs: f64, noise: f64) -> Vec<f64> {
-    let places = oscillate(values, step_secs, data.len());
-    places.iter().zip(data).map(|(place, datum)| (place - datum) / noise).collect()
+    let positions = oscillate(values, step_secs, data.len());
+    positions.iter().zip(data).map(|(position, datum)| (position - datum) / noise).collect()
 }
 
 /// Rosenbrock's function as residuals.
