@@ -5,10 +5,10 @@
 
 use std::{collections::VecDeque, time::Duration};
 
+use etude_checks::RangeError;
 use serde::{Deserialize, Serialize};
 
 use etude_robot::keyboard::{KEY_COUNT, check_lowest_pitch, positive_secs};
-use etude_robot::setting::SettingError;
 
 /// How a release is coded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -118,7 +118,7 @@ impl KeyboardEmulator {
     ///
     /// # Errors
     /// If a setting is not valid.
-    pub fn new(config: &KeyboardEmulatorConfig) -> Result<Self, SettingError> {
+    pub fn new(config: &KeyboardEmulatorConfig) -> Result<Self, RangeError> {
         let KeyboardEmulatorConfig { lowest_pitch, release, running_status, line, sensing_secs, clock_secs } =
             *config;
         check_lowest_pitch(lowest_pitch)?;
@@ -238,6 +238,6 @@ enum Next {
 }
 
 /// An interval of at least a millisecond: bounds the bytes of one poll.
-fn interval(name: &'static str, secs: f64) -> Result<Duration, SettingError> {
+fn interval(name: &'static str, secs: f64) -> Result<Duration, RangeError> {
     positive_secs(name, secs).map(|time| time.max(Duration::from_millis(1)))
 }

@@ -6,7 +6,7 @@
 //!
 //! | device | emulator | its other end |
 //! |---|---|---|
-//! | Allegro hand | [`HandEmulator`], with [`FreeHand`] for joints without a physics engine | [`Hub`] |
+//! | Allegro hand | [`HandEmulator`], with [`FreeHand`] for joints without a physics engine | [`VirtualBus`] |
 //! | xArm7 | [`ArmEmulator`] | [`ArmServer`] |
 //! | keyboard | [`KeyboardEmulator`] | [`MidiServer`] |
 //!
@@ -27,23 +27,23 @@
 //! emulator.poll(now, &mut wire);
 //! keyboard.receive(now, &wire, &mut changes);
 //! assert_eq!(keyboard.pressed(), 1 << 24);
-//! # Ok::<(), etude_robot::setting::SettingError>(())
+//! # Ok::<(), etude_checks::RangeError>(())
 //! ```
 
 mod arm;
 pub mod faults;
 mod free_hand;
 mod hand;
-mod hub;
 mod keyboard;
 mod midi_server;
+mod virtual_bus;
 
 pub use arm::{ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, ConnectionId, Reach, ReportKind};
 pub use free_hand::FreeHand;
 pub use hand::{HandEmulator, HandEmulatorConfig};
-pub use hub::Hub;
 pub use keyboard::{KeyboardEmulator, KeyboardEmulatorConfig, Line, ReleaseCoding};
 pub use midi_server::MidiServer;
+pub use virtual_bus::VirtualBus;
 
 /// The three emulated devices of a robot.
 #[derive(Debug)]

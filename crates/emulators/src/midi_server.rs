@@ -41,11 +41,11 @@ impl MidiServer {
     /// depends on whether a driver is connected. A driver that is gone or does not read is disconnected. Never blocks.
     pub fn send(&mut self, bytes: &[u8]) {
         // A driver sends nothing: a read succeeds only after it has closed the socket.
-        let gone = |driver: &mut UnixStream| {
+        let is_lost = |driver: &mut UnixStream| {
             driver.read(&mut [0]).map_or_else(|error| error.kind() != ErrorKind::WouldBlock, |_| true)
         };
         while let Ok((stream, _)) = self.listener.accept() {
-            if self.driver.as_mut().is_none_or(gone) && stream.set_nonblocking(true).is_ok() {
+            if self.driver.as_mut().is_none_or(is_lost) && stream.set_nonblocking(true).is_ok() {
                 self.driver = Some(stream);
             }
         }
@@ -106,7 +106,7 @@ mod tests {
         server.send(&[0x80]);
         server.disconnect();
         let mut last = Vec::new();
-        assert!(matches!(source.receive(&mut last), Err(MidiError::Gone { .. })));
+        assert!(matches!(source.receive(&mut last), Err(MidiError::Lost { .. })));
         assert_eq!(last, [0x80], "bytes before the end still count");
         let mut source = open(&spec).unwrap();
         server.send(&[7]);

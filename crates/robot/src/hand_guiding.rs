@@ -23,7 +23,7 @@ pub enum HandGuidingError {
     Link(#[from] ArmLinkError),
     /// Its settings are not sound.
     #[error(transparent)]
-    Config(#[from] crate::setting::SettingError),
+    Config(#[from] etude_checks::RangeError),
     /// It stopped itself.
     #[error(transparent)]
     Fault(#[from] ArmFault),

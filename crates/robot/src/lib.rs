@@ -18,7 +18,6 @@
 //! | [`Robot`] | the controller of all three devices |
 //! | [`hand_guiding`] | the arm alone, guided by hand for calibration |
 //! | [`priority`] | real-time priority of the controlling thread |
-//! | [`setting`] | the ranges of settings |
 //! | [`stream`] | reading and writing without blocking |
 //!
 //! The modules of the devices name the published sources of their numbers and byte layouts.
@@ -35,7 +34,6 @@ mod pace;
 pub mod priority;
 pub mod rig;
 mod robot;
-pub mod setting;
 pub mod stop;
 pub mod stream;
 pub mod wires;

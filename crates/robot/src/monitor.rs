@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
+use etude_checks::RangeError;
+
 use crate::allegro::{Finger, HandMessage, HostMessage, Information, Request, WIRE_JOINTS, rad_from_counts};
 use crate::can::{self, CanTransport};
 use crate::keyboard::{self, KeyChange, Keyboard, MidiSource};
 use crate::rig::RigConfig;
-use crate::setting::SettingError;
 use crate::xarm::report::{Report, ReportParser};
 use crate::xarm::{ArmConnection, ArmLinkError};
 
@@ -42,7 +43,7 @@ impl Monitor {
     ///
     /// # Errors
     /// If the keyboard's settings are not sound.
-    pub fn open(config: &RigConfig, keyboard_too: bool) -> Result<Self, SettingError> {
+    pub fn open(config: &RigConfig, keyboard_too: bool) -> Result<Self, RangeError> {
         let wires = &config.wires;
         let mut keyboard = Keyboard::new(&config.keyboard)?;
         let mut changes = Vec::new();

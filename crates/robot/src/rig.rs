@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use etude_checks::{RangeError, check_range, positive_to};
 use serde::{Deserialize, Serialize};
 
 use crate::allegro::{HandConfig, JOINT_LIMITS_RAD, JointLoopConfig, WIRE_JOINTS};
 use crate::joints::{DRIVEN, HAND_DRIVEN_JOINTS, RAIL};
 use crate::keyboard::{Keyboard, KeyboardConfig};
 use crate::limiter::AxisLimits;
-use crate::setting::{POSITIVE, SettingError, check_range};
 use crate::xarm::ArmConfig;
 
 /// Set-points per second: the physics steps of the simulator that a policy is trained in.
@@ -17,9 +17,9 @@ pub const SETPOINT_HZ: f64 = 200.0;
 /// A limit's name, its value, and its largest allowed value.
 type Ceiling = (&'static str, f64, f64);
 /// Farthest end of the rail, m from the middle: the keyboard's own end and some room.
-const RAIL_END_M: f64 = 0.40;
+const MAX_RAIL_M: f64 = 0.40;
 /// Oldest calibration that a rig's file may allow, days.
-const MOST_DAYS: f64 = 365.0;
+const MAX_DAYS: f64 = 365.0;
 
 /// A rig as its file describes it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -184,7 +184,7 @@ pub enum RigError {
     Value(String),
     /// A setting is out of its range.
     #[error(transparent)]
-    Setting(#[from] SettingError),
+    Setting(#[from] RangeError),
 }
 
 impl RigConfig {
@@ -220,17 +220,14 @@ impl RigConfig {
         }
         let limits = &self.limits;
         for (name, value, most) in limits.ceilings() {
-            check_range(format!("limits.{name}"), value, POSITIVE, most)?;
+            check_range(format!("limits.{name}"), value, positive_to(most))?;
         }
-        let [low, high] = limits.rail_range_m;
-        if low < -RAIL_END_M || high > RAIL_END_M {
-            return Err(RigError::Value(format!(
-                "limits.rail_range_m is {low} to {high}: set it within {RAIL_END_M} m of the middle"
-            )));
+        for end in limits.rail_range_m {
+            check_range("limits.rail_range_m", end, -MAX_RAIL_M..=MAX_RAIL_M)?;
         }
-        check_range("limits.calibration_days", limits.calibration_days as f64, 0.0, MOST_DAYS)?;
+        check_range("limits.calibration_days", limits.calibration_days as f64, 0.0..=MAX_DAYS)?;
         for (&angle, &[low, high]) in limits.thumb_rad.iter().zip(&JOINT_LIMITS_RAD[HAND_DRIVEN_JOINTS..]) {
-            check_range("limits.thumb_rad", angle, low, high)?;
+            check_range("limits.thumb_rad", angle, low..=high)?;
         }
         self.hand.check()?;
         self.joint_loop.check()?;
@@ -285,8 +282,8 @@ mod tests {
                 assert!(known.is_some() || said.contains("stopping"), "{name} = {value}: {said}");
             }
         }
-        assert!(refused("rail_range_m = [-0.41, 0.3]").contains("within 0.4 m"));
-        assert!(refused("rail_range_m = [-0.3, 0.401]").contains("within 0.4 m"));
+        assert!(refused("rail_range_m = [-0.41, 0.3]").contains("-0.4 to 0.4"));
+        assert!(refused("rail_range_m = [-0.3, 0.401]").contains("-0.4 to 0.4"));
         assert!(refused("calibration_days = 366").contains("365"));
         assert!(refused("finger_velocity = -1.0").starts_with("limits of joint 0 of the hand"));
         assert!(refused("rail_velocity = -1.0").starts_with("limits of the rail"));

@@ -57,16 +57,16 @@ pub fn stop(config: &RigConfig) -> Stopped {
 fn stop_hand(config: &RigConfig) -> Result<(), String> {
     let spec = &config.wires.can;
     let hand = Hand::new(&config.hand).map_err(|error| error.to_string())?;
-    let let_go = |bus: &mut dyn CanTransport| {
+    let release = |bus: &mut dyn CanTransport| {
         // Twice: a controller that is starting may switch the servo on once more, until it has seen the request to stop.
         Ok(lets_go(bus, hand.clone())? && {
             std::thread::sleep(CONTROLLER);
             lets_go(bus, hand.clone())?
         })
     };
-    let confirmed = match can::join(spec).and_then(|mut bus| let_go(&mut *bus)) {
+    let confirmed = match can::join(spec).and_then(|mut bus| release(&mut *bus)) {
         // No answer: perhaps the adapter's channel is not open.
-        Ok(false) | Err(_) if can::is_serial(spec) => can::open(spec).and_then(|mut bus| let_go(&mut *bus)),
+        Ok(false) | Err(_) if can::is_serial(spec) => can::open(spec).and_then(|mut bus| release(&mut *bus)),
         confirmed => confirmed,
     };
     match confirmed {
@@ -90,7 +90,7 @@ fn lets_go(bus: &mut dyn CanTransport, mut hand: Hand) -> Result<bool, CanError>
         while let Some(frame) = bus.receive()? {
             let _ = hand.receive(begun.elapsed(), &frame);
         }
-        if hand.has_let_go() {
+        if hand.has_confirmed_release() {
             return Ok(true);
         }
         std::thread::sleep(Duration::from_millis(1));

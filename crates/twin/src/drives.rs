@@ -57,7 +57,7 @@ impl Drives {
 
 /// The encoders of the fingers, and the filter behind them.
 pub(crate) struct Encoders {
-    half_play: f64,
+    half_backlash: f64,
     /// Share of the way to the unfiltered position in one step.
     pace: f64,
     /// Where the drives are, and what the filter says; none before the first reading.
@@ -68,7 +68,7 @@ impl Encoders {
     pub(crate) fn new(hand: &HandParams) -> Self {
         let steps = hand.filter_secs / STEP.as_secs_f64();
         Self {
-            half_play: hand.backlash_rad / 2.0,
+            half_backlash: hand.encoder_backlash_rad / 2.0,
             pace: if steps > 0.0 { 1.0 - (-1.0 / steps).exp() } else { 1.0 },
             state: None,
         }
@@ -79,7 +79,7 @@ impl Encoders {
         let links: [f64; HAND_DRIVEN_JOINTS] = std::array::from_fn(|joint| joints[joint]);
         let (drives, filtered) = self.state.get_or_insert((links, links));
         for ((drive, filtered), link) in drives.iter_mut().zip(filtered.iter_mut()).zip(links) {
-            *drive = drive.max(link - self.half_play).min(link + self.half_play);
+            *drive = drive.max(link - self.half_backlash).min(link + self.half_backlash);
             *filtered += self.pace * (*drive - *filtered);
         }
         std::array::from_fn(|joint| filtered.get(joint).copied().unwrap_or(joints[joint]))
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn play_is_a_dead_band_on_the_way_back() {
-        let mut encoders = Encoders::new(&HandParams { backlash_rad: 0.02, ..HandParams::default() });
+        let mut encoders = Encoders::new(&HandParams { encoder_backlash_rad: 0.02, ..HandParams::default() });
         let mut read = |angle: f64| encoders.read(&[angle; DRIVEN_JOINTS])[4];
         assert_eq!(read(0.0), 0.0);
         assert!((read(0.5) - 0.49).abs() < 1e-12);
@@ -161,7 +161,7 @@ mod tests {
             play in 0.0..0.1f64,
             angles in prop::collection::vec(-2.0..2.0f64, 1..50),
         ) {
-            let mut encoders = Encoders::new(&HandParams { backlash_rad: play, ..HandParams::default() });
+            let mut encoders = Encoders::new(&HandParams { encoder_backlash_rad: play, ..HandParams::default() });
             for angle in angles {
                 let read = encoders.read(&[angle; DRIVEN_JOINTS])[7];
                 prop_assert!((read - angle).abs() <= play / 2.0 + 1e-12);

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use etude_checks::RangeError;
 use etude_emulators::faults::{FaultError, FaultPlanError};
-use etude_robot::setting::SettingError;
 use etude_stage::ParamError;
 
 /// A parameter set that no twin can have.
@@ -28,7 +28,7 @@ pub enum TwinParamsError {
     Physics(#[from] ParamError),
     /// A number is out of its range.
     #[error("the twin's {0}")]
-    Setting(#[from] SettingError),
+    Setting(#[from] RangeError),
     /// The faults of a link are not valid.
     #[error("the twin's links: {0}")]
     Link(#[from] FaultPlanError),

@@ -53,7 +53,7 @@ impl Keys {
     }
 
     /// Samples all keys, which are down by `travel` (a share), and passes their events to `emit`.
-    pub(crate) fn look(
+    pub(crate) fn update(
         &mut self,
         now: Duration,
         travel: impl Fn(usize) -> f64,
@@ -102,7 +102,7 @@ mod tests {
         let (mut keys, mut said) = (keys(), Vec::new());
         for (millis, place) in places.iter().enumerate() {
             let travel = |key: usize| if key == 7 { *place } else { 0.1 };
-            keys.look(Duration::from_millis(millis as u64), travel, |key, say| {
+            keys.update(Duration::from_millis(millis as u64), travel, |key, say| {
                 assert_eq!(key, 7);
                 said.push((millis, say));
             });

@@ -5,6 +5,7 @@
 //! [`Lockstep`] lets a controller and a twin run against each other without sockets or clocks; [`TwinServer`] puts a twin
 //! on sockets, by the wall clock.
 
+mod backlash;
 mod drives;
 mod error;
 mod keys;
@@ -12,7 +13,6 @@ mod lockstep;
 mod mount;
 mod numbers;
 mod params;
-mod play;
 mod random;
 mod server;
 mod twin;

@@ -244,6 +244,6 @@ impl Wires for Links {
         if self.midi.is_connected(self.now) && !unplugged {
             return Ok(());
         }
-        Err(MidiError::Gone { spec: "twin".into(), message: "its plug is out".into() })
+        Err(MidiError::Lost { spec: "twin".into(), message: "its plug is out".into() })
     }
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use etude_checks::check_range;
 use etude_emulators::KeyboardEmulatorConfig;
 use etude_emulators::faults::{FaultPlan, OrderedFault};
 use etude_music::KEY_COUNT;
-use etude_robot::setting::check_range;
 use etude_stage::params::WorldRow;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
 use serde::{Deserialize, Serialize};
@@ -88,10 +88,10 @@ pub(crate) struct HandParams {
     /// Dry friction of a finger's joint at rest, as a multiple of that on its way (`joint.*.friction`).
     pub(crate) friction_at_rest: f64,
     /// Play between a joint's encoder and its link, rad: so far the link turns back before the encoder follows.
-    pub(crate) backlash_rad: f64,
+    pub(crate) encoder_backlash_rad: f64,
     /// Play between a motor and its joint, rad: so far the motor turns without the joint before its torque has an effect. The encoder
     /// is on the joint's side of it.
-    pub(crate) play_rad: f64,
+    pub(crate) motor_backlash_rad: f64,
     /// Time constant of the hand's own filter on its positions, s; 0 is none.
     pub(crate) filter_secs: f64,
     /// Encoder readings are off by up to so many counts, evenly.
@@ -109,8 +109,8 @@ impl Default for HandParams {
             dead_pwm: 0,
             no_load_rad_per_sec: None,
             friction_at_rest: 1.0,
-            backlash_rad: 0.0,
-            play_rad: 0.0,
+            encoder_backlash_rad: 0.0,
+            motor_backlash_rad: 0.0,
             filter_secs: 0.0,
             noise_counts: 1,
             clock_skew: 0.0,
@@ -243,34 +243,34 @@ impl Numbers {
         let highest_spread = ((1.0 - CONTACT_GAP) / threshold - 1.0).min(0.5);
         let latest_first = threshold * (1.0 - keys.threshold_spread) - CONTACT_GAP;
         let rows = [
-            ("world.keyboard_yaw_rad", self.world.keyboard_yaw_rad, -0.05, 0.05),
-            ("hand.dead_pwm", hand.dead_pwm.into(), 0.0, 100.0),
-            ("hand.friction_at_rest", hand.friction_at_rest, 1.0, 5.0),
-            ("hand.backlash_rad", hand.backlash_rad, 0.0, 0.1),
-            ("hand.play_rad", hand.play_rad, 0.0, 0.1),
-            ("hand.no_load_rad_per_sec", hand.no_load_rad_per_sec.unwrap_or(10.0), 2.0, 100.0),
-            ("hand.filter_secs", hand.filter_secs, 0.0, 0.1),
-            ("hand.clock_skew", hand.clock_skew, -0.01, 0.01),
-            ("hand.torque_timeout_secs", hand.torque_timeout_secs.unwrap_or(0.0), 0.0, 60.0),
-            ("arm.delay_secs", arm.delay_secs, 0.0, 0.5),
-            ("arm.bandwidth_hz", arm.bandwidth_hz, 0.5, 100.0),
-            ("arm.damping_ratio", arm.damping_ratio.unwrap_or(1.0), 0.2, 2.0),
-            ("arm.sag_m", arm.sag_m, -0.01, 0.01),
-            ("arm.error_m", arm.error_m, 0.0, 0.005),
-            ("arm.error_period_m", arm.error_period_m, 0.02, 1.0),
-            ("arm.stiffness", arm.stiffness, 100.0, 1e6),
-            ("arm.damping", arm.damping, 1.0, 1e5),
-            ("keys.threshold_spread", keys.threshold_spread, 0.0, highest_spread),
-            ("keys.stiffness_spread", keys.stiffness_spread, 0.0, 0.9),
-            ("keys.travel", keys.travel, 0.5, 1.5),
-            ("keys.first_contact", keys.first_contact, CONTACT_GAP, latest_first),
-            ("keys.loudest_secs", keys.loudest_secs, 1e-4, 0.1),
-            ("keys.softest_secs", keys.softest_secs, 2.0 * keys.loudest_secs, 10.0),
+            ("world.keyboard_yaw_rad", self.world.keyboard_yaw_rad, -0.05..=0.05),
+            ("hand.dead_pwm", hand.dead_pwm.into(), 0.0..=100.0),
+            ("hand.friction_at_rest", hand.friction_at_rest, 1.0..=5.0),
+            ("hand.encoder_backlash_rad", hand.encoder_backlash_rad, 0.0..=0.1),
+            ("hand.motor_backlash_rad", hand.motor_backlash_rad, 0.0..=0.1),
+            ("hand.no_load_rad_per_sec", hand.no_load_rad_per_sec.unwrap_or(10.0), 2.0..=100.0),
+            ("hand.filter_secs", hand.filter_secs, 0.0..=0.1),
+            ("hand.clock_skew", hand.clock_skew, -0.01..=0.01),
+            ("hand.torque_timeout_secs", hand.torque_timeout_secs.unwrap_or(0.0), 0.0..=60.0),
+            ("arm.delay_secs", arm.delay_secs, 0.0..=0.5),
+            ("arm.bandwidth_hz", arm.bandwidth_hz, 0.5..=100.0),
+            ("arm.damping_ratio", arm.damping_ratio.unwrap_or(1.0), 0.2..=2.0),
+            ("arm.sag_m", arm.sag_m, -0.01..=0.01),
+            ("arm.error_m", arm.error_m, 0.0..=0.005),
+            ("arm.error_period_m", arm.error_period_m, 0.02..=1.0),
+            ("arm.stiffness", arm.stiffness, 100.0..=1e6),
+            ("arm.damping", arm.damping, 1.0..=1e5),
+            ("keys.threshold_spread", keys.threshold_spread, 0.0..=highest_spread),
+            ("keys.stiffness_spread", keys.stiffness_spread, 0.0..=0.9),
+            ("keys.travel", keys.travel, 0.5..=1.5),
+            ("keys.first_contact", keys.first_contact, CONTACT_GAP..=latest_first),
+            ("keys.loudest_secs", keys.loudest_secs, 1e-4..=0.1),
+            ("keys.softest_secs", keys.softest_secs, 2.0 * keys.loudest_secs..=10.0),
         ];
-        let torques = hand.full_torque_nm.map(|torque| ("hand.full_torque_nm", torque, 0.0, 10.0));
-        let tilts = arm.tilt_rad.map(|tilt| ("arm.tilt_rad", tilt, -0.05, 0.05));
-        for (name, value, low, high) in rows.into_iter().chain(torques).chain(tilts) {
-            check_range(name, value, low, high)?;
+        let torques = hand.full_torque_nm.map(|torque| ("hand.full_torque_nm", torque, 0.0..=10.0));
+        let tilts = arm.tilt_rad.map(|tilt| ("arm.tilt_rad", tilt, -0.05..=0.05));
+        for (name, value, range) in rows.into_iter().chain(torques).chain(tilts) {
+            check_range(name, value, range)?;
         }
         Ok(self.faults.iter().try_for_each(OrderedFault::check)?)
     }

@@ -185,14 +185,14 @@ mod tests {
             let more_than_nothing = [
                 numbers.world.keyboard_yaw_rad.abs(),
                 hand.friction_at_rest - 1.0,
-                hand.backlash_rad,
+                hand.encoder_backlash_rad,
                 hand.filter_secs,
                 f64::from(hand.dead_pwm),
                 f64::from(hand.noise_counts),
                 numbers.arm.delay_secs,
                 numbers.arm.sag_m,
                 numbers.arm.error_m,
-                hand.play_rad,
+                hand.motor_backlash_rad,
                 hand.no_load_rad_per_sec.unwrap(),
                 numbers.params().unwrap().get("key.preload").unwrap(),
                 keys.threshold_spread,
@@ -220,7 +220,7 @@ mod tests {
         assert!(refused("colour = 1").contains("t.toml"));
         assert!(refused("[world]\ncone = \"round\"").contains("pyramidal"));
         assert!(refused("[hand]\nno_load_rad_per_sec = 0").contains("no_load_rad_per_sec"));
-        assert!(refused("[hand]\nplay_rad = -0.1").contains("play_rad"));
+        assert!(refused("[hand]\nplay_rad = -0.1").contains("motor_backlash_rad"));
         assert!(refused("[arm]\ndamping_ratio = 0").contains("damping_ratio"));
         assert!(refused("[arm]\ntilt_rad = [0, 0.2]").contains("tilt_rad"));
         assert!(refused("[arm]\nsag_m = 0.1").contains("sag_m"));

@@ -11,9 +11,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use etude_emulators::faults::FaultKind;
-use etude_emulators::{ArmPorts, ArmServer, Hub, MidiServer, Reach};
+use etude_emulators::{ArmPorts, ArmServer, MidiServer, Reach, VirtualBus};
 use etude_robot::calibration::{CalibrationError, RailPath};
-use etude_robot::can::{CanError, CanTransport as _, HubTransport};
+use etude_robot::can::{CanError, CanTransport as _, VirtualBusTransport};
 use etude_robot::keyboard::MidiError;
 use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig::{RigConfig, WiresConfig};
@@ -60,8 +60,8 @@ pub enum ServeError {
 /// A twin on sockets.
 pub struct TwinServer {
     lockstep: Lockstep,
-    hub: Hub,
-    bus: HubTransport,
+    bus_server: VirtualBus,
+    bus: VirtualBusTransport,
     arm: ArmServer,
     /// `None`, and without a socket, while the keyboard is unplugged.
     midi: Option<MidiServer>,
@@ -87,8 +87,8 @@ impl TwinServer {
         let folder = folder.canonicalize().map_err(|error| file(folder, error.to_string()))?;
         let lockstep = Lockstep::new(Twin::new(twin_params, rig.hand.side)?)?;
         let (can, midi) = (folder.join("can.sock"), folder.join("midi.sock"));
-        let hub = Hub::bind(&can)?;
-        let bus = HubTransport::connect(&can)?;
+        let bus_server = VirtualBus::bind(&can)?;
+        let bus = VirtualBusTransport::connect(&can)?;
         let outlet = MidiServer::bind(&midi)?;
         let port_error = |error: std::io::Error| file(Path::new("127.0.0.1"), error.to_string());
         let arm = ArmServer::bind(IpAddr::V4(Ipv4Addr::LOCALHOST), ports, Reach::ThisMachine)
@@ -118,7 +118,7 @@ impl TwinServer {
         std::fs::write(&rig_path, text).map_err(|error| file(&rig_path, error.to_string()))?;
         Ok(Self {
             lockstep,
-            hub,
+            bus_server,
             bus,
             arm,
             midi: Some(outlet),
@@ -168,8 +168,8 @@ impl TwinServer {
 
     fn step(&mut self) -> Result<(), ServeError> {
         let now = self.lockstep.now();
-        self.hub.set_off(self.lockstep.has(FaultKind::CanBusOff));
-        self.hub.turn();
+        self.bus_server.set_off(self.lockstep.has(FaultKind::CanBusOff));
+        self.bus_server.poll();
         loop {
             match self.bus.receive() {
                 // A link that is cut takes nothing.
@@ -179,9 +179,9 @@ impl TwinServer {
                 Err(error) => return Err(error.into()),
             }
         }
-        let gone = self.lockstep.has(FaultKind::ArmDisconnect);
+        let is_disconnected = self.lockstep.has(FaultKind::ArmDisconnect);
         let arm = &mut self.lockstep.twin.devices.arm;
-        if gone {
+        if is_disconnected {
             self.arm.refuse_once(now, arm);
         } else {
             self.arm.serve_once(now, arm);
@@ -194,7 +194,7 @@ impl TwinServer {
                 Err(error) => return Err(error.into()),
             }
         }
-        self.hub.turn();
+        self.bus_server.poll();
         self.bytes.clear();
         match (wires.receive_midi(&mut self.bytes), &mut self.midi) {
             (Ok(()), Some(midi)) => midi.send(&self.bytes),

@@ -11,6 +11,7 @@
 
 use std::time::Duration;
 
+use etude_checks::RangeError;
 use etude_emulators::{
     ArmEmulator, ArmEmulatorConfig, Devices, FreeHand, HandEmulator, HandEmulatorConfig, KeyboardEmulator,
 };
@@ -18,18 +19,17 @@ use etude_music::KEY_COUNT;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, Point, RailPath, RailPlace};
 use etude_robot::joints::{HAND_DRIVEN_JOINTS, RAIL, to_wire};
-use etude_robot::setting::SettingError;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_stage::geometry::{HALF_WIDTH, key_lateral};
 use etude_stage::{DRIVEN_JOINTS, Side, StageConfig, StageError, World};
 
+use crate::backlash::Backlash;
 use crate::drives::{Drives, Encoders};
 use crate::error::TwinParamsError;
 use crate::keys::{KeyEvent, Keys};
 use crate::mount::Mount;
 use crate::numbers::STEP;
 use crate::params::TwinParams;
-use crate::play::Play;
 
 /// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (lasr-lab/learning-to-play-piano).
 const MIDDLE_MM: [f64; 3] = [485.0, -2.83, 170.51];
@@ -53,7 +53,7 @@ pub enum TwinError {
     Calibration(#[from] CalibrationError),
     /// Its keyboard's settings are not valid.
     #[error(transparent)]
-    Keyboard(#[from] SettingError),
+    Keyboard(#[from] RangeError),
 }
 
 /// An emulated robot.
@@ -61,7 +61,7 @@ pub struct Twin {
     pub(crate) twin_params: TwinParams,
     pub(crate) world: World,
     drives: Drives,
-    play: Play,
+    backlash: Backlash,
     mount: Mount,
     encoders: Encoders,
     keys: Keys,
@@ -106,7 +106,7 @@ impl Twin {
         let mut twin = Self {
             world: World::with_options(&stage, &params, &numbers.options())?,
             drives: Drives::new(&numbers.hand, &params),
-            play: Play::new(&numbers.hand, &params),
+            backlash: Backlash::new(&numbers.hand, &params),
             mount: Mount::new(&numbers.arm, numbers.seed),
             encoders: Encoders::new(&numbers.hand),
             keys: Keys::new(&numbers.keys, numbers.second_contacts(&params)),
@@ -138,7 +138,7 @@ impl Twin {
         self.drive(&torques);
         self.thumb.step(STEP.as_secs_f64(), &self.devices.hand.pwm());
         let (now, world, keyboard) = (self.now, &self.world, &mut self.devices.keyboard);
-        self.keys.look(
+        self.keys.update(
             now,
             |key| world.key_travel(key),
             |key, event| match event {
@@ -164,7 +164,7 @@ impl Twin {
                 arm.stiffness * (rail - joints[RAIL]) + arm.damping * (speed - velocities[RAIL])
             } else {
                 let motor = |speed| self.drives.torque(joint, &duty, speed);
-                self.play.pass(joint, motor, velocities[joint])
+                self.backlash.pass(joint, motor, velocities[joint])
             }
         })
     }

@@ -158,7 +158,7 @@ impl ArmEmulator {
             for kind in ReportKind::ALL {
                 let (.., period_ms) = kind.numbers();
                 if self.clock.is_multiple_of(period_ms) {
-                    self.tell(kind);
+                    self.push_report(kind);
                 }
             }
         }

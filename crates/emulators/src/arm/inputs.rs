@@ -5,7 +5,7 @@ use super::emulator::ArmEmulator;
 use super::lines::{Lines, servo, version};
 
 /// Highest index of a baud rate; 11 stands for 2 Mbaud.
-const HIGHEST_BAUD: u8 = 12;
+const MAX_BAUD: u8 = 12;
 /// Addresses on the RS-485 lines: the gripper behind the flange's board, that board itself, and the control box.
 const GRIPPER: u8 = 8;
 const FLANGE: u8 = 9;
@@ -76,7 +76,7 @@ impl ArmEmulator {
         if matches!(register, 127 | 129) {
             let value = f32::from_le_bytes(params.get(3..7)?.try_into().ok()?);
             match address {
-                0x1A0B => lines.bauds[line] = (value as u8).min(HIGHEST_BAUD),
+                0x1A0B => lines.bauds[line] = (value as u8).min(MAX_BAUD),
                 0x0A15 => lines.flange = Lines::set(lines.flange, value as u16, 0),
                 _ => {}
             }

@@ -239,9 +239,9 @@ impl ArmEmulator {
                 }
             };
             let longest = to.iter().zip(from).map(|(to, from)| (to - from).abs()).fold(1e-9, f64::max);
-            let way_mm = (self.tool_with(from).position_m - pose.position_m).norm() * 1e3;
+            let distance_mm = (self.tool_with(from).position_m - pose.position_m).norm() * 1e3;
             // A turn on the spot takes a tenth of a second at least.
-            let secs = (way_mm / speed_mm).max(0.1).max(longest / MAX_SPEED);
+            let secs = (distance_mm / speed_mm).max(0.1).max(longest / MAX_SPEED);
             moves.push((to, longest / secs));
             from = to;
         }

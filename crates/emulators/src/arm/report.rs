@@ -13,7 +13,7 @@ const MAX_WAITING: usize = 1 << 14;
 
 impl ArmEmulator {
     /// Adds a report to those that wait, if there is room.
-    pub(super) fn tell(&mut self, kind: ReportKind) {
+    pub(super) fn push_report(&mut self, kind: ReportKind) {
         let full = self.waiting.get(kind as usize).is_none_or(|waiting| waiting.len() >= MAX_WAITING);
         if self.mute || full {
             return;
@@ -27,7 +27,7 @@ impl ArmEmulator {
         report.push(self.state() | self.mode << 4);
         report.extend((self.queue.len() as u16).to_be_bytes());
         if kind == ReportKind::Control {
-            self.tell_motion(&mut report);
+            self.push_motion(&mut report);
         } else {
             push_floats(&mut report, &self.motion.joints.map(|angle| angle as f32));
             push_floats(&mut report, &self.tool().to_wire());
@@ -41,7 +41,7 @@ impl ArmEmulator {
             push_floats(&mut report, &extra.gravity);
         }
         if kind == ReportKind::Rich {
-            self.tell_rest(&mut report);
+            self.push_rest(&mut report);
         }
         report.resize(size, 0);
         if let Some(waiting) = self.waiting.get_mut(kind as usize) {
@@ -51,7 +51,7 @@ impl ArmEmulator {
 
     /// The report of port 30000 from its byte 15 on. The joints are where they were sent, and no acceleration, torque or force
     /// is emulated.
-    fn tell_motion(&self, report: &mut Vec<u8>) {
+    fn push_motion(&self, report: &mut Vec<u8>) {
         let joints = self.motion.joints.map(|angle| angle as f32);
         let speeds = self.motion.speeds().map(|speed| speed as f32);
         let tool = self.tool();
@@ -87,7 +87,7 @@ impl ArmEmulator {
     }
 
     /// The rich report from its byte 145 on.
-    fn tell_rest(&self, report: &mut Vec<u8>) {
+    fn push_rest(&self, report: &mut Vec<u8>) {
         let (settings, extra, lines) = (&self.settings, &self.extra, &self.lines);
         // Type and axes, then what the controller calls its master, its slave and its motors.
         report.extend([ARM_JOINTS as u8, ARM_JOINTS as u8, 0xAA, 0x55, 0, 0]);

@@ -65,7 +65,7 @@ struct Port<T> {
 struct Client<T> {
     stream: TcpStream,
     outbox: Outbox,
-    gone: bool,
+    is_closed: bool,
     tag: T,
 }
 
@@ -158,18 +158,18 @@ impl ArmServer {
 
 impl<T> Client<T> {
     fn read(&mut self, take: impl FnMut(&[u8])) {
-        self.gone |= read_available(&mut self.stream, take).is_err();
+        self.is_closed |= read_available(&mut self.stream, take).is_err();
     }
 
     fn push(&mut self, bytes: &[u8]) {
-        self.gone |= !self.outbox.push(bytes);
+        self.is_closed |= !self.outbox.push(bytes);
     }
 }
 
 impl<T: Copy> Port<T> {
     /// Closes all connections, and those that wait to be accepted.
-    fn hang_up(&mut self, mut gone: impl FnMut(T)) {
-        self.clients.drain(..).for_each(|client| gone(client.tag));
+    fn hang_up(&mut self, mut on_close: impl FnMut(T)) {
+        self.clients.drain(..).for_each(|client| on_close(client.tag));
         while self.listener.accept().is_ok() {}
     }
 
@@ -195,7 +195,7 @@ impl<T: Copy> Port<T> {
                 self.clients.push(Client {
                     stream,
                     outbox: Outbox::new(MAX_UNREAD),
-                    gone: false,
+                    is_closed: false,
                     tag: tag(),
                 });
             }
@@ -203,13 +203,13 @@ impl<T: Copy> Port<T> {
     }
 
     /// Sends what fits, and closes clients that are gone or do not read.
-    fn flush(&mut self, mut gone: impl FnMut(T)) {
+    fn flush(&mut self, mut on_close: impl FnMut(T)) {
         self.clients.retain_mut(|client| {
-            client.gone |= client.outbox.flush(&mut client.stream).is_err();
-            if client.gone {
-                gone(client.tag);
+            client.is_closed |= client.outbox.flush(&mut client.stream).is_err();
+            if client.is_closed {
+                on_close(client.tag);
             }
-            !client.gone
+            !client.is_closed
         });
     }
 }

@@ -4,10 +4,10 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-use etude_robot::setting::DAY_SECS;
 use serde::{Deserialize, Serialize};
 
 use super::kind::{FaultError, FaultKind};
+use super::plan::DAY_SECS;
 use crate::Devices;
 
 /// A fault and its time, as in a file of twin parameters.

@@ -2,10 +2,13 @@
 
 use std::time::Duration;
 
-use etude_robot::setting::{DAY_SECS, SettingError, check_range};
+use etude_checks::{RangeError, check_range};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
+
+/// Longest time of a fault, s.
+pub(super) const DAY_SECS: f64 = 86_400.0;
 
 /// What goes wrong on one link. The default: nothing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,7 +39,7 @@ pub struct FaultPlan {
 pub enum FaultPlanError {
     /// A probability or a time is out of its range.
     #[error(transparent)]
-    Setting(#[from] SettingError),
+    Setting(#[from] RangeError),
     /// A fault that this kind of link cannot have, or the length of a cut without its begin.
     #[error("{0}")]
     Unfit(String),
@@ -80,7 +83,7 @@ impl Dice {
             ("reorder", plan.reorder),
             ("truncate", plan.truncate),
         ] {
-            check_range(name, value, 0.0, 1.0)?;
+            check_range(name, value, 0.0..=1.0)?;
         }
         let (impossible, link) = match link {
             Link::Frames => ([("truncate", plan.truncate), ("truncate", 0.0)], "frames"),
@@ -142,8 +145,8 @@ impl Dice {
     }
 }
 
-fn time(name: &str, secs: f64) -> Result<Duration, SettingError> {
-    check_range(name, secs, 0.0, DAY_SECS)?;
+fn time(name: &str, secs: f64) -> Result<Duration, RangeError> {
+    check_range(name, secs, 0.0..=DAY_SECS)?;
     Ok(Duration::from_secs_f64(secs))
 }
 

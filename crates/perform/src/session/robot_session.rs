@@ -119,7 +119,7 @@ impl Session {
             self.pace.run_until(&mut self.robot, now + Duration::from_millis(10));
             let told = self.robot.arm().joints_at().is_some_and(|at| at > begun);
             let arm = told && self.robot.arm().report().is_some_and(|report| report.state == STOPPED);
-            let hand = self.robot.hand().has_let_go();
+            let hand = self.robot.hand().has_confirmed_release();
             if arm && hand {
                 return Ok(());
             }

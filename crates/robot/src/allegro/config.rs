@@ -1,10 +1,10 @@
 //! Settings of the hand, and their ranges.
 
+use etude_checks::{RangeError, check_range};
 use serde::{Deserialize, Serialize};
 
 use super::limits::{PWM_LIMITS, WIRE_JOINTS};
 use super::messages::{DeviceId, HandSide};
-use crate::setting::{SettingError, check_range};
 
 /// Settings of the hand.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,21 +48,21 @@ impl HandConfig {
     ///
     /// # Errors
     /// Names the first one that is out of its range.
-    pub fn check(&self) -> Result<(), SettingError> {
+    pub fn check(&self) -> Result<(), RangeError> {
         for (joint, (&value, limit)) in self.pwm_limit.iter().zip(PWM_LIMITS).enumerate() {
-            check_range(format!("hand.pwm_limit[{joint}]"), value.into(), 0.0, limit.into())?;
+            check_range(format!("hand.pwm_limit[{joint}]"), value.into(), 0.0..=limit.into())?;
         }
         let three_periods = f64::from(3 * u32::from(self.period_ms)) / 1000.0;
-        for (name, value, lowest, highest) in [
+        for (name, value, range) in [
             // The hand is made for 3 ms.
-            ("hand.period_ms", self.period_ms.into(), 1.0, 20.0),
-            ("hand.start_timeout_secs", self.start_timeout_secs, 0.5, 30.0),
+            ("hand.period_ms", self.period_ms.into(), 1.0..=20.0),
+            ("hand.start_timeout_secs", self.start_timeout_secs, 0.5..=30.0),
             // Longer than this, and a held torque could run a joint at 7 rad/s through half its range.
-            ("hand.stale_after_secs", self.stale_after_secs, three_periods, 0.1),
-            ("hand.max_board_celsius", self.max_board_celsius.into(), 30.0, 85.0),
-            ("hand.max_joint_celsius", self.max_joint_celsius.into(), 30.0, 85.0),
+            ("hand.stale_after_secs", self.stale_after_secs, three_periods..=0.1),
+            ("hand.max_board_celsius", self.max_board_celsius.into(), 30.0..=85.0),
+            ("hand.max_joint_celsius", self.max_joint_celsius.into(), 30.0..=85.0),
         ] {
-            check_range(name, value, lowest, highest)?;
+            check_range(name, value, range)?;
         }
         Ok(())
     }
@@ -87,7 +87,7 @@ mod tests {
                 config.pwm_limit[joint] = value;
                 let refused = config.check().unwrap_err();
                 assert_eq!((refused.name, refused.value), (format!("hand.pwm_limit[{joint}]"), value.into()));
-                assert_eq!(refused.highest, f64::from(*limit));
+                assert_eq!(refused.allowed.high, std::ops::Bound::Included(f64::from(*limit)));
             }
         }
         assert_eq!(toml::from_str::<HandConfig>("side = \"right\"").unwrap().side, HandSide::Right);

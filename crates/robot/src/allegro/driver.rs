@@ -12,6 +12,8 @@ mod received;
 
 use std::time::Duration;
 
+use etude_checks::RangeError;
+
 use super::commands::Commands;
 use super::config::HandConfig;
 use super::fault::HandFault;
@@ -19,19 +21,18 @@ use super::limits::{PWM_LIMITS, WIRE_JOINTS, clamp_pwm};
 use super::messages::{Finger, HandMessage, HostMessage, Information, Request, Serial};
 use super::state::{HandEvent, HandState, Known, Step};
 use crate::can::CanFrame;
-use crate::setting::SettingError;
 
 /// After this time a hand that was streaming is silent, and its last frames have been discarded.
 const DRAIN: Duration = Duration::from_millis(50);
 /// Time between two requests for state and temperature, and between two repeats of zero torque in a fault.
 const HEARTBEAT: Duration = Duration::from_millis(100);
 /// Ten requests without an answer.
-const INFORMATION_STALE: Duration = Duration::from_secs(1);
+const INFORMATION_TIMEOUT: Duration = Duration::from_secs(1);
 /// A torque that is not renewed is replaced by zero after this time.
-const TORQUE_HELD: Duration = Duration::from_millis(50);
+const TORQUE_TIMEOUT: Duration = Duration::from_millis(50);
 /// Time for which commands of another program that move nothing are borne: `etude robot stop` sends them, and its request ends this program
 /// meanwhile.
-const OTHERS_BORNE: Duration = Duration::from_millis(150);
+const OTHER_PROGRAM_TIMEOUT: Duration = Duration::from_millis(150);
 /// Number of zero-torque commands when the hand is released: a frame may be lost.
 const REPEATS: usize = 3;
 
@@ -59,7 +60,7 @@ impl Hand {
     ///
     /// # Errors
     /// If a setting is out of its range.
-    pub fn new(config: &HandConfig) -> Result<Self, SettingError> {
+    pub fn new(config: &HandConfig) -> Result<Self, RangeError> {
         config.check()?;
         Ok(Self {
             known: Known::nothing(config),
@@ -92,8 +93,8 @@ impl Hand {
     pub fn receive(&mut self, now: Duration, frame: &CanFrame) -> HandEvent {
         let message = HandMessage::decode(self.config.device_id, frame);
         if let Some(HandMessage::Information(information)) = message {
-            let let_go = self.released || self.state == HandState::Stopped;
-            self.confirmed |= let_go && !information.status.servo_on();
+            let is_released = self.released || self.state == HandState::Stopped;
+            self.confirmed |= is_released && !information.status.servo_on();
         }
         let other = HostMessage::decode(self.config.device_id, frame).filter(|_| self.listens());
         if let Some(other) = other.filter(HostMessage::commands) {
@@ -127,18 +128,18 @@ impl Hand {
             HandState::Starting => self.continue_start(now, out),
             HandState::Ready => {
                 self.ask(now, out);
-                if self.driven.is_some_and(|at| now.saturating_sub(at) > TORQUE_HELD) {
+                if self.driven.is_some_and(|at| now.saturating_sub(at) > TORQUE_TIMEOUT) {
                     self.driven = None;
                     self.commands.zero(out);
                 }
             }
             HandState::Fault(_) if !std::mem::replace(&mut self.released, true) => {
-                self.let_go(now, REPEATS, out);
+                self.send_release(now, REPEATS, out);
             }
             // A frame may be lost.
             HandState::Stopped if self.confirmed => {}
             HandState::Stopped | HandState::Fault(_) if now < self.next_heartbeat => {}
-            HandState::Stopped | HandState::Fault(_) => self.let_go(now, 1, out),
+            HandState::Stopped | HandState::Fault(_) => self.send_release(now, 1, out),
         }
         event
     }
@@ -176,7 +177,7 @@ impl Hand {
     /// The same, but the streams continue, so that the reaction is recorded.
     pub fn release(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         self.confirmed = false;
-        self.let_go(now, REPEATS, out);
+        self.send_release(now, REPEATS, out);
         self.driven = None;
         if !matches!(self.state, HandState::Fault(_)) {
             self.state = HandState::Stopped;
@@ -184,14 +185,14 @@ impl Hand {
     }
 
     /// Sends zero torque and servo off, and asks for the state.
-    fn let_go(&mut self, now: Duration, times: usize, out: &mut Vec<CanFrame>) {
+    fn send_release(&mut self, now: Duration, times: usize, out: &mut Vec<CanFrame>) {
         self.commands.release(times, out);
         self.commands.message(HostMessage::Request(Request::Information), out);
         self.next_heartbeat = now.saturating_add(HEARTBEAT);
     }
 
     /// Whether the hand has reported, since it was released last, that its servo is off.
-    pub fn has_let_go(&self) -> bool {
+    pub fn has_confirmed_release(&self) -> bool {
         self.confirmed
     }
 
@@ -291,7 +292,7 @@ impl Hand {
 
     /// Checks all timeouts.
     fn watch(&mut self, now: Duration) {
-        if self.known.other_since.is_some_and(|since| now.saturating_sub(since) > OTHERS_BORNE) {
+        if self.known.other_since.is_some_and(|since| now.saturating_sub(since) > OTHER_PROGRAM_TIMEOUT) {
             self.fail(HandFault::OtherProgram);
         }
         match self.state {
@@ -310,11 +311,11 @@ impl Hand {
                 }
             }
             HandState::Ready => {
-                let told = self.known.information.map_or(Duration::ZERO, |(at, _)| at);
-                let age = now.saturating_sub(told);
+                let reported_at = self.known.information.map_or(Duration::ZERO, |(at, _)| at);
+                let age = now.saturating_sub(reported_at);
                 if let Some((finger, Some(age))) = self.stale_finger(now) {
                     self.fail(HandFault::PositionsStale { finger, age });
-                } else if age > INFORMATION_STALE {
+                } else if age > INFORMATION_TIMEOUT {
                     self.fail(HandFault::InformationStale { age });
                 }
             }

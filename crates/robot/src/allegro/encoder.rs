@@ -18,7 +18,7 @@ const MAX_SPEED: f64 = 30.0;
 /// Valid at any speed, rad: one period at 13 rad/s, delivered together with the one before.
 const MAX_STEP_RAD: f64 = 0.05;
 /// Impossible readings in a row that make a fault.
-const PATIENCE: u8 = 3;
+const MAX_REJECTED: u8 = 3;
 
 /// One joint's encoder.
 #[derive(Clone, Copy, Debug, Default)]
@@ -58,6 +58,6 @@ impl Encoder {
             return Ok(());
         };
         self.rejected = self.rejected.saturating_add(1);
-        if self.rejected >= PATIENCE { Err(fault) } else { Ok(()) }
+        if self.rejected >= MAX_REJECTED { Err(fault) } else { Ok(()) }
     }
 }

@@ -6,14 +6,14 @@
 
 use std::time::Duration;
 
+use etude_checks::{RangeError, check_range};
 use serde::{Deserialize, Serialize};
 
 use super::gravity::holding_torques;
 use super::limits::WIRE_JOINTS;
-use crate::setting::{SettingError, check_range};
 
 /// Differences over less than this are noise: the older reading is kept until more time has passed.
-const SHORTEST_SECS: f64 = 0.0005;
+const MIN_SECS: f64 = 0.0005;
 
 /// Gains, one a joint of a finger, the same for all fingers and the thumb.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,11 +40,11 @@ impl JointLoopConfig {
     ///
     /// # Errors
     /// Names the first one that is out of its range.
-    pub fn check(&self) -> Result<(), SettingError> {
-        self.kp.iter().try_for_each(|&gain| check_range("joint_loop.kp", gain, 0.0, 20_000.0))?;
-        self.kd.iter().try_for_each(|&gain| check_range("joint_loop.kd", gain, 0.0, 1_000.0))?;
-        check_range("joint_loop.gravity_pwm_per_nm", self.gravity_pwm_per_nm, 0.0, 3600.0)?;
-        check_range("joint_loop.velocity_filter_hz", self.velocity_filter_hz, 1.0, 1000.0)
+    pub fn check(&self) -> Result<(), RangeError> {
+        self.kp.iter().try_for_each(|&gain| check_range("joint_loop.kp", gain, 0.0..=20_000.0))?;
+        self.kd.iter().try_for_each(|&gain| check_range("joint_loop.kd", gain, 0.0..=1_000.0))?;
+        check_range("joint_loop.gravity_pwm_per_nm", self.gravity_pwm_per_nm, 0.0..=3600.0)?;
+        check_range("joint_loop.velocity_filter_hz", self.velocity_filter_hz, 1.0..=1000.0)
     }
 }
 
@@ -61,7 +61,7 @@ impl JointLoop {
     ///
     /// # Errors
     /// If a gain is out of its range.
-    pub fn new(config: &JointLoopConfig) -> Result<Self, SettingError> {
+    pub fn new(config: &JointLoopConfig) -> Result<Self, RangeError> {
         config.check()?;
         Ok(Self { config: config.clone(), last: None, velocities: [0.0; WIRE_JOINTS] })
     }
@@ -98,7 +98,7 @@ impl JointLoop {
             return;
         };
         let secs = at.saturating_sub(*last_at).as_secs_f64();
-        if secs < SHORTEST_SECS {
+        if secs < MIN_SECS {
             return;
         }
         let share = 1.0 - (-std::f64::consts::TAU * self.config.velocity_filter_hz * secs).exp();

@@ -128,13 +128,13 @@ impl RailPath {
         Pose { position_m: from.1 + (to.1 - from.1) * share, ..self.orientation }
     }
 
-    /// Places on the rail (m), ends of `range` included, between which the way along it is straight.
+    /// Places on the rail (m), ends of `range` included, between which the path along it is straight.
     pub fn bends(&self, [low, high]: [f64; 2]) -> [f64; 3] {
         let [_, (middle, _), _] = self.points;
         [low, middle.max(low).min(high), high]
     }
 
-    /// Joints (rad) that bring the hand to a place on the rail, on the way from joints `near` it.
+    /// Joints (rad) that bring the hand to a place on the rail, on the path from joints `near` it.
     ///
     /// # Errors
     /// If the arm does not reach there.
@@ -181,8 +181,8 @@ impl RailPath {
         let pose = forward(joints_rad);
         let [low, middle, high] = &self.points;
         let along = |from: &(f64, Vector3<f64>), to: &(f64, Vector3<f64>)| {
-            let way = to.1 - from.1;
-            from.0 + (to.0 - from.0) * (pose.position_m - from.1).dot(&way) / way.norm_squared()
+            let along = to.1 - from.1;
+            from.0 + (to.0 - from.0) * (pose.position_m - from.1).dot(&along) / along.norm_squared()
         };
         let (lower, upper) = (along(low, middle), along(middle, high));
         let rail_m = if lower < middle.0 { lower } else { upper.max(middle.0) };

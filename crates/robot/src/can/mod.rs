@@ -4,29 +4,29 @@
 //! |---|---|
 //! | [`SocketCanTransport`] | the kernel's CAN (`can0`), Linux only |
 //! | [`SlcanTransport`] | a serial adapter (`slcan:/dev/ttyUSB0`), any Unix |
-//! | [`HubTransport`] | a bus between processes without any hardware (`bus:/path`), served by the hub in `etude-emulators` |
+//! | [`VirtualBusTransport`] | a bus between processes without any hardware (`bus:/path`), served by `etude-emulators` |
 
 mod frame;
-mod hub;
 mod slcan;
 mod slcan_stream;
 #[cfg(target_os = "linux")]
 mod socket;
+mod virtual_bus;
 
 pub use frame::{CanError, CanFrame, CanTransport};
-pub use hub::{HubLink, HubRecord, HubTransport};
 pub use slcan::{SlcanError, SlcanLines, SlcanReply, encode_frame, parse_frame};
 pub use slcan_stream::{SlcanPort, SlcanTransport};
 #[cfg(target_os = "linux")]
 pub use socket::SocketCanTransport;
+pub use virtual_bus::{BusRecord, VirtualBusLink, VirtualBusTransport};
 
 /// What a serial adapter's spec begins with.
 const SERIAL: &str = "slcan:";
-/// What a hub's spec begins with.
+/// What the spec of a virtual bus begins with.
 const HUB: &str = "bus:";
 
 /// Opens the bus that `spec` names: `can0` or `vcan0` (the kernel's), `slcan:/dev/ttyUSB0` (a serial adapter;
-/// the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a hub).
+/// the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a virtual bus).
 ///
 /// # Errors
 /// If there is no such bus; the message names the command to type.
@@ -35,7 +35,7 @@ pub fn open(spec: &str) -> Result<Box<dyn CanTransport>, CanError> {
         return Ok(Box::new(SlcanTransport::open(port)?));
     }
     if let Some(path) = spec.strip_prefix(HUB) {
-        return Ok(Box::new(HubTransport::connect(path)?));
+        return Ok(Box::new(VirtualBusTransport::connect(path)?));
     }
     open_interface(spec)
 }

@@ -8,7 +8,7 @@
 use super::CanFrame;
 
 /// The longest line there is: an extended frame with eight bytes and a time stamp.
-const LONGEST: usize = 1 + 8 + 1 + 16 + 4;
+const MAX_LINE: usize = 1 + 8 + 1 + 16 + 4;
 
 /// A line that is no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -29,7 +29,7 @@ pub enum SlcanReply<'a> {
 /// Puts bytes together to lines.
 #[derive(Clone, Debug, Default)]
 pub struct SlcanLines {
-    line: [u8; LONGEST],
+    line: [u8; MAX_LINE],
     len: usize,
     over: bool,
 }
@@ -39,7 +39,7 @@ impl SlcanLines {
     pub fn push(&mut self, byte: u8) -> Option<SlcanReply<'_>> {
         match byte {
             b'\r' | 0x07 => {
-                let (len, over) = (self.len.min(LONGEST), self.over);
+                let (len, over) = (self.len.min(MAX_LINE), self.over);
                 (self.len, self.over) = (0, false);
                 if byte == 0x07 {
                     Some(SlcanReply::Bell)
@@ -55,7 +55,7 @@ impl SlcanLines {
                     Some(place) => *place = byte,
                     None => self.over = true,
                 }
-                self.len = (self.len + 1).min(LONGEST);
+                self.len = (self.len + 1).min(MAX_LINE);
                 None
             }
         }

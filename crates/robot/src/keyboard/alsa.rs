@@ -14,7 +14,7 @@ use super::source::{MidiError, MidiSource};
 
 const CLIENT: &str = "etude";
 /// Time between two checks. The system needs longer than this to find a keyboard that is plugged in again.
-const LOOK: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Bytes that wait for the driver at most, several seconds of dense playing; later ones are lost.
 const QUEUE_BYTES: usize = 8192;
 
@@ -76,10 +76,10 @@ impl AlsaSource {
 impl MidiSource for AlsaSource {
     fn receive(&mut self, out: &mut Vec<u8>) -> Result<(), MidiError> {
         out.extend(self.queue.lock().unwrap_or_else(PoisonError::into_inner).drain(..));
-        if self.looked_at.elapsed() >= LOOK {
+        if self.looked_at.elapsed() >= POLL_INTERVAL {
             self.looked_at = Instant::now();
             if !self.watcher.ports().contains(&self.port) {
-                return Err(MidiError::Gone {
+                return Err(MidiError::Lost {
                     spec: self.spec.clone(),
                     message: "its port left the sequencer".to_owned(),
                 });

@@ -2,10 +2,13 @@
 
 use std::time::Duration;
 
+use etude_checks::{RangeError, check_range, positive_to};
 use serde::{Deserialize, Serialize};
 
 use super::KEY_COUNT;
-use crate::setting::{DAY_SECS, POSITIVE, SettingError, check_range};
+
+/// Longest time of a setting, s.
+const DAY_SECS: f64 = 86_400.0;
 
 /// What can be set of a [`Keyboard`](super::Keyboard).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,7 +34,7 @@ impl KeyboardConfig {
     ///
     /// # Errors
     /// Names the first setting that is out of its range.
-    pub(super) fn resolve(&self) -> Result<(u8, Duration, Duration), SettingError> {
+    pub(super) fn resolve(&self) -> Result<(u8, Duration, Duration), RangeError> {
         check_lowest_pitch(self.lowest_pitch)?;
         let stuck_after = positive_secs("keyboard.stuck_after_secs", self.stuck_after_secs)?;
         let sensing_timeout = positive_secs("keyboard.sensing_timeout_secs", self.sensing_timeout_secs)?;
@@ -43,16 +46,16 @@ impl KeyboardConfig {
 ///
 /// # Errors
 /// If not.
-pub fn check_lowest_pitch(pitch: u8) -> Result<(), SettingError> {
-    check_range("keyboard.lowest_pitch", pitch.into(), 0.0, (128 - KEY_COUNT) as f64)
+pub fn check_lowest_pitch(pitch: u8) -> Result<(), RangeError> {
+    check_range("keyboard.lowest_pitch", pitch.into(), 0.0..=(128 - KEY_COUNT) as f64)
 }
 
 /// The time of a setting, which must be positive and at most a day.
 ///
 /// # Errors
 /// If it is not.
-pub fn positive_secs(name: &str, secs: f64) -> Result<Duration, SettingError> {
-    check_range(name, secs, POSITIVE, DAY_SECS)?;
+pub fn positive_secs(name: &str, secs: f64) -> Result<Duration, RangeError> {
+    check_range(name, secs, positive_to(DAY_SECS))?;
     Ok(Duration::from_secs_f64(secs))
 }
 

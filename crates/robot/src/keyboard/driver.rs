@@ -12,12 +12,13 @@
 
 use std::{fmt, time::Duration};
 
+use etude_checks::RangeError;
+
 use super::{
     KEY_COUNT, KeyboardConfig,
     parser::{MidiEvent, MidiParser},
     shift::{Shift, ShiftWatch},
 };
-use crate::setting::SettingError;
 
 /// A key went down or came up.
 ///
@@ -162,7 +163,7 @@ impl Keyboard {
     ///
     /// # Errors
     /// If a setting makes no sense.
-    pub fn new(config: &KeyboardConfig) -> Result<Self, SettingError> {
+    pub fn new(config: &KeyboardConfig) -> Result<Self, RangeError> {
         let (lowest_pitch, stuck_after, sensing_timeout) = config.resolve()?;
         Ok(Self {
             lowest_pitch,

@@ -38,7 +38,7 @@ impl MidiPort {
         if self.source.is_none() {
             if now < self.again {
                 let message = "not found again yet".into();
-                return Err(MidiError::Gone { spec: self.spec.clone(), message });
+                return Err(MidiError::Lost { spec: self.spec.clone(), message });
             }
             self.again = now.saturating_add(TRY_AGAIN);
             self.source = Some(open(&self.spec)?);

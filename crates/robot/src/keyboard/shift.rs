@@ -86,23 +86,23 @@ impl fmt::Display for Shift {
 #[derive(Clone, Debug)]
 pub(super) struct ShiftWatch {
     lowest_pitch: u8,
-    heard: Option<Shift>,
+    seen: Option<Shift>,
 }
 
 impl ShiftWatch {
     pub(super) fn new(lowest_pitch: u8) -> Self {
-        Self { lowest_pitch, heard: None }
+        Self { lowest_pitch, seen: None }
     }
 
     /// Forgets all notes: the buttons may have been pressed since.
     pub(super) fn restart(&mut self) {
-        self.heard = None;
+        self.seen = None;
     }
 
     /// Takes a note into account; the shift once there is no doubt that there is one.
     pub(super) fn hear(&mut self, note: u8) -> Option<Shift> {
         let new = Shift::of(note, self.lowest_pitch);
-        let both = self.heard.map(|old| Shift {
+        let both = self.seen.map(|old| Shift {
             lowest_semitones: old.lowest_semitones.max(new.lowest_semitones),
             highest_semitones: old.highest_semitones.min(new.highest_semitones),
             ..new
@@ -110,7 +110,7 @@ impl ShiftWatch {
         // No single shift explains all notes: a button was pressed in between, and only the newest note
         // counts.
         let shift = both.filter(|both| both.lowest_semitones <= both.highest_semitones).unwrap_or(new);
-        self.heard = Some(shift);
+        self.seen = Some(shift);
         shift.is_certain().then_some(shift)
     }
 }

@@ -25,7 +25,7 @@ pub enum MidiError {
         "the keyboard {spec} is gone ({message}): check its cable, or that its emulator still runs; it \
          is tried again"
     )]
-    Gone {
+    Lost {
         /// As given.
         spec: String,
         /// How this was noticed.

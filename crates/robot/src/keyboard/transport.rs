@@ -78,8 +78,8 @@ struct Stream<R> {
 
 impl<R: Read + Send> MidiSource for Stream<R> {
     fn receive(&mut self, out: &mut Vec<u8>) -> Result<(), MidiError> {
-        let gone = |error: io::Error| MidiError::Gone { spec: self.spec.clone(), message: error.to_string() };
-        read_available(&mut self.reader, |piece| out.extend_from_slice(piece)).map_err(gone)
+        let lost = |error: io::Error| MidiError::Lost { spec: self.spec.clone(), message: error.to_string() };
+        read_available(&mut self.reader, |piece| out.extend_from_slice(piece)).map_err(lost)
     }
 }
 
@@ -129,6 +129,6 @@ mod tests {
         master.write_all(&all).unwrap();
         assert_eq!(read(source.as_mut(), all.len()), all, "control characters, line ends and all");
         drop(master);
-        assert!(matches!(source.receive(&mut Vec::new()), Err(MidiError::Gone { .. })));
+        assert!(matches!(source.receive(&mut Vec::new()), Err(MidiError::Lost { .. })));
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Longest time that stopping from full speed may take, s.
-const LONGEST_STOP_SECS: f64 = 10.0;
+const MAX_STOP_SECS: f64 = 10.0;
 
 /// The limits of a set-point. Rad and s; m and s for the rail.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ impl AxisLimits {
             }
         }
         let stopping_secs = self.velocity / self.acceleration + self.acceleration / self.jerk;
-        if stopping_secs > LONGEST_STOP_SECS {
+        if stopping_secs > MAX_STOP_SECS {
             return Err(format!("stopping from full speed would take {stopping_secs:.0} s"));
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! The limiter: the only way from a policy, a simulation or an operator to a set-point that a device is asked to follow.
+//! The limiter: the only path from a policy, a simulation or an operator to a set-point that a device is asked to follow.
 //!
 //! One [`Axis`] per joint moves a set-point on a fixed time grid. Position, velocity, acceleration and jerk, all taken
 //! as differences of what was sent on that grid, stay within [`AxisLimits`] for any target, NaN and infinity

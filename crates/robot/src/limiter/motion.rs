@@ -11,7 +11,7 @@ pub(super) struct Motion {
 }
 
 /// Steps that are looked ahead while braking: far more than a stop may take on a grid of milliseconds.
-const LONGEST_BRAKE: usize = 20_000;
+const MAX_BRAKE_STEPS: usize = 20_000;
 /// Rounding allowed for in comparisons with limits, as a fraction.
 pub(super) const ROUNDING: f64 = 1e-9;
 impl Motion {
@@ -42,7 +42,7 @@ impl Motion {
     pub fn braking(self, limits: &AxisLimits, step_secs: f64) -> impl Iterator<Item = Self> {
         let next =
             move |state: &Self| (!state.rests(limits, step_secs)).then(|| state.brake(limits, step_secs));
-        std::iter::successors(Some(self), next).take(LONGEST_BRAKE)
+        std::iter::successors(Some(self), next).take(MAX_BRAKE_STEPS)
     }
 
     /// Whether position and velocity keep their limits while braking.

@@ -21,7 +21,7 @@
 //! | `motion` | what moves them: `homing_plan` with its `slow_move` and `arm_path`, or a `trajectory` |
 //! | `rail_arm`, `keyboard_input` | the two devices and what is known of them |
 //! | `interlock`, `following_error`, `plausibility` | what stops or brakes the robot |
-//! | `requests`, `homing`, `cycle` | the robot itself: what it can be asked, its way to the keyboard, its cycle |
+//! | `requests`, `homing`, `cycle` | the robot itself: what it can be asked, its path to the keyboard, its cycle |
 
 mod arm_path;
 mod axes;

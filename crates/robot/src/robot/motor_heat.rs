@@ -1,18 +1,18 @@
-//! How warm the motors of the hand are.
+//! How hot the motors of the hand are.
 
 use std::time::Duration;
 
 use crate::allegro::{PWM_LIMITS, WIRE_JOINTS};
 
-/// Time in which a motor warms up and cools down, s.
-const WARMING_SECS: f64 = 10.0;
-/// The warmth that is too much: sixteen seconds at the limit from cold.
-const TOO_WARM: f64 = 0.8;
+/// Time in which a motor heats up and cools down, s.
+const HEATING_SECS: f64 = 10.0;
+/// The heat that is too much: sixteen seconds at the limit from cold.
+const MAX_HEAT: f64 = 0.8;
 /// A longer time between two periods is one without torque.
-const LONGEST_PERIOD: Duration = Duration::from_millis(50);
+const MAX_PERIOD: Duration = Duration::from_millis(50);
 
-/// How warm the motors are: for each joint the mean of its squared torque in the last seconds, as the losses of a motor are. The torque is
-/// a share of the joint's limit, so that the warmth is between 0 and 1.
+/// The heat of the motors: for each joint the mean of its squared torque in the last seconds, as the losses of a motor are. The torque is
+/// a share of the joint's limit, so that the heat is between 0 and 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorHeat {
     joints: [f64; WIRE_JOINTS],
@@ -21,38 +21,38 @@ pub struct MotorHeat {
 }
 
 impl MotorHeat {
-    /// The warmth of each joint at `at`; `None` if a number is not between 0 and 1.
+    /// The heat of each joint at `at`; `None` if a number is not between 0 and 1.
     pub fn new(at: Duration, joints: [f64; WIRE_JOINTS]) -> Option<Self> {
-        let sound = joints.iter().all(|warm| (0.0..=1.0).contains(warm));
+        let sound = joints.iter().all(|heat| (0.0..=1.0).contains(heat));
         sound.then_some(Self { joints, at: Some(at) })
     }
 
-    /// The warmth of each joint after it has cooled until `now`.
+    /// The heat of each joint after it has cooled until `now`.
     pub fn joints(&self, now: Duration) -> [f64; WIRE_JOINTS] {
         let left = left_after(now.saturating_sub(self.at.unwrap_or(now)));
-        self.joints.map(|warm| warm * left)
+        self.joints.map(|heat| heat * left)
     }
 
     /// Takes the torques of a period that ends at `at`.
     pub(super) fn take(&mut self, at: Duration, pwm: &[i16; WIRE_JOINTS]) {
         let period = at.saturating_sub(self.at.unwrap_or(at));
-        let (left, driven) = (left_after(period), period <= LONGEST_PERIOD);
+        let (left, driven) = (left_after(period), period <= MAX_PERIOD);
         self.at = Some(at);
-        for (warm, (pwm, limit)) in self.joints.iter_mut().zip(pwm.iter().zip(PWM_LIMITS)) {
+        for (heat, (pwm, limit)) in self.joints.iter_mut().zip(pwm.iter().zip(PWM_LIMITS)) {
             let share = if driven { f64::from(*pwm) / f64::from(limit) } else { 0.0 };
-            *warm = share * share + (*warm - share * share) * left;
+            *heat = share * share + (*heat - share * share) * left;
         }
     }
 
-    /// The first joint that is too warm, and how warm it is.
-    pub(super) fn too_warm(&self) -> Option<(usize, f64)> {
-        self.joints.iter().copied().enumerate().find(|(_, warm)| *warm > TOO_WARM)
+    /// The first joint that is too hot, and its heat.
+    pub(super) fn too_hot(&self) -> Option<(usize, f64)> {
+        self.joints.iter().copied().enumerate().find(|(_, heat)| *heat > MAX_HEAT)
     }
 }
 
-/// The share of a warmth that is left after a time.
+/// The share of a heat that is left after a time.
 fn left_after(time: Duration) -> f64 {
-    (-time.as_secs_f64() / WARMING_SECS).exp()
+    (-time.as_secs_f64() / HEATING_SECS).exp()
 }
 
 #[cfg(test)]
@@ -62,7 +62,7 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     #[test]
-    fn motors_warm_up_and_cool_down() {
+    fn motors_heat_up_and_cool_down() {
         let mut pwm = [0; WIRE_JOINTS];
         (pwm[3], pwm[9]) = (-PWM_LIMITS[3], PWM_LIMITS[9] / 2);
         let mut motor_heat = MotorHeat::default();
@@ -86,12 +86,12 @@ mod tests {
 
     #[test]
     fn a_warmth_is_between_nothing_and_everything() {
-        let one = |warm| {
+        let one = |heat| {
             let mut joints = [0.5; WIRE_JOINTS];
-            joints[15] = warm;
+            joints[15] = heat;
             MotorHeat::new(MS, joints)
         };
         assert_eq!(one(1.0).unwrap().joints(MS)[15], 1.0);
-        assert!([-0.001, 1.001, f64::NAN, f64::INFINITY].iter().all(|warm| one(*warm).is_none()));
+        assert!([-0.001, 1.001, f64::NAN, f64::INFINITY].iter().all(|heat| one(*heat).is_none()));
     }
 }

@@ -1,4 +1,4 @@
-//! Measurements that are doubted: values that repeat while the robot was sent elsewhere, joints that push at their limit for long or
+//! Measurements that are not plausible: values that repeat while the robot was sent elsewhere, joints that push at their limit for long or
 //! stand although they are pushed both ways, and an arm that is not where it was sent.
 //!
 //! The thresholds are judgements. Playing on the twin (`standard` and `worn`, real execution) reaches 0.57 of the 0.8 for torques, 38 of the
@@ -12,7 +12,7 @@ use crate::allegro::{PLAYING, WIRE_JOINTS};
 use crate::calibration::RailPlace;
 use crate::xarm::{kinematics, largest_turn};
 
-/// Shortest time for which repeated values are doubted.
+/// Shortest time for which repeated values are not plausible.
 const REPEATED: Duration = Duration::from_millis(100);
 /// How far a joint of a finger was sent meanwhile, rad.
 const SENT_RAD: f64 = 0.15;
@@ -38,7 +38,7 @@ const SENT_ARM_RAD: f64 = 0.05;
 const BESIDE_M: f64 = 0.015;
 const TURNED_RAD: f64 = 0.1;
 
-/// What is doubted.
+/// What is not plausible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Implausible {
     /// All joints of a finger report the same angles, and the finger was sent elsewhere.
@@ -184,7 +184,7 @@ pub(super) struct PlausibilityChecks {
 }
 
 impl PlausibilityChecks {
-    /// Nothing but the warmth of the motors counts any more.
+    /// Nothing but the heat of the motors counts any more.
     pub fn begin_anew(&mut self) {
         *self = Self { motor_heat: self.motor_heat, ..Self::default() };
     }
@@ -211,8 +211,8 @@ impl PlausibilityChecks {
             }
         }
         self.motor_heat.take(at, pwm);
-        if let Some((joint, warm)) = self.motor_heat.too_warm() {
-            self.found.get_or_insert(Implausible::MotorHot { joint, share: warm.sqrt() });
+        if let Some((joint, heat)) = self.motor_heat.too_hot() {
+            self.found.get_or_insert(Implausible::MotorHot { joint, share: heat.sqrt() });
         }
     }
 
@@ -270,7 +270,7 @@ impl PlausibilityChecks {
         (self.arm_at, self.arm_sent_m, self.arm_speed) = (None, None, 0.0);
     }
 
-    /// The first thing that is doubted.
+    /// The first thing that is not plausible.
     pub fn found(&self) -> Option<&Implausible> {
         self.found.as_ref()
     }

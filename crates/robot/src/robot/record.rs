@@ -67,7 +67,7 @@ pub enum Record {
     },
 }
 
-/// Records that were not taken yet: at most [`MOST`], of which the oldest are dropped.
+/// Records that were not taken yet: at most [`MAX_RECORDS`], of which the oldest are dropped.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     records: VecDeque<Record>,
@@ -75,11 +75,11 @@ pub(super) struct Journal {
 }
 
 /// Largest number of records that are kept: some ten seconds of a robot.
-const MOST: usize = 8192;
+const MAX_RECORDS: usize = 8192;
 
 impl Journal {
     pub fn push(&mut self, record: Record) {
-        if self.records.len() >= MOST {
+        if self.records.len() >= MAX_RECORDS {
             self.records.pop_front();
             self.lost += 1;
         }

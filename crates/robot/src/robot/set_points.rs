@@ -11,7 +11,7 @@ use crate::limiter::{Axis, AxisLimits, Clamp};
 use crate::rig::SETPOINT_HZ;
 
 /// Largest distance from its range at which a joint of the hand may start, rad: backlash, and some give of the stop.
-const OUTSIDE_RAD: f64 = 0.1;
+const MAX_OUTSIDE_RAD: f64 = 0.1;
 
 /// The limited set-points of all axes.
 pub(super) struct SetPoints {
@@ -67,7 +67,7 @@ impl SetPoints {
         for (joint, ((axis, outside), rad)) in axes.enumerate() {
             axis.rest(rad);
             *outside = rad - axis.position();
-            if joint != RAIL_AXIS && outside.abs() > OUTSIDE_RAD {
+            if joint != RAIL_AXIS && outside.abs() > MAX_OUTSIDE_RAD {
                 let [low, high] = axis.limits().position;
                 return Err(Fault::OutsideRange { joint, rad, low, high });
             }

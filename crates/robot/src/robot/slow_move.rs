@@ -10,9 +10,9 @@ const SLOW_FINGER: f64 = 0.7;
 /// Largest speed of a slow move along the rail, m/s.
 const SLOW_RAIL: f64 = 0.1;
 /// Largest share of the limits of an axis that a slow move takes: its set-points arrive when it does, however low they are.
-const SHARE_OF_LIMITS: f64 = 0.5;
+const MAX_SHARE_OF_LIMITS: f64 = 0.5;
 /// Shortest slow move, s.
-const SHORTEST_SECS: f64 = 0.3;
+const MIN_SECS: f64 = 0.3;
 /// Time in which a reference moves from the joint's first position into its range, s.
 const EASING_SECS: f64 = 0.5;
 
@@ -34,15 +34,16 @@ pub(super) struct SlowMove {
 impl SlowMove {
     pub fn new(begun: Duration, from: [f64; AXES], to: [f64; AXES], limits: &[AxisLimits; AXES]) -> Self {
         let needed = |axis: usize| {
-            let (way, limits) = ((to[axis] - from[axis]).abs(), limits[axis]);
+            let (distance, limits) = ((to[axis] - from[axis]).abs(), limits[axis]);
             let slow = if axis < RAIL_AXIS { SLOW_FINGER } else { SLOW_RAIL };
-            // The profile's top speed is 15/8 of its mean; its acceleration and jerk are at most these multiples of way over time.
-            let speed = way * 15.0 / 8.0 / slow.min(SHARE_OF_LIMITS * limits.velocity);
-            let acceleration = (way * 10.0 / 3.0f64.sqrt() / (SHARE_OF_LIMITS * limits.acceleration)).sqrt();
-            let jerk = (way * 60.0 / (SHARE_OF_LIMITS * limits.jerk)).cbrt();
+            // The profile's top speed is 15/8 of its mean; its acceleration and jerk are at most these multiples of distance over time.
+            let speed = distance * 15.0 / 8.0 / slow.min(MAX_SHARE_OF_LIMITS * limits.velocity);
+            let acceleration =
+                (distance * 10.0 / 3.0f64.sqrt() / (MAX_SHARE_OF_LIMITS * limits.acceleration)).sqrt();
+            let jerk = (distance * 60.0 / (MAX_SHARE_OF_LIMITS * limits.jerk)).cbrt();
             speed.max(acceleration).max(jerk)
         };
-        let secs = (0..AXES).map(needed).fold(SHORTEST_SECS, f64::max);
+        let secs = (0..AXES).map(needed).fold(MIN_SECS, f64::max);
         Self { begun, secs, from, to }
     }
 

@@ -3,6 +3,8 @@
 //!
 //! Our own set-points keep a margin from its sides, so that the controller's check is the second one.
 
+use std::ops::RangeInclusive;
+
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -63,24 +65,18 @@ impl Fence {
         Self(sides)
     }
 
-    /// What [`ArmConfig`](super::ArmConfig) checks: name, value, least and greatest value of each side.
-    pub(super) fn sides(&self) -> [(&'static str, i32, i32, i32); 6] {
-        let names = [
+    /// What [`ArmConfig`](super::ArmConfig) checks: name, value and range of each side.
+    pub(super) fn sides(self) -> impl Iterator<Item = (&'static str, f64, RangeInclusive<f64>)> {
+        const NAMES: [[&str; 2]; 3] = [
             ["fence_mm (lowest x)", "fence_mm (highest x)"],
             ["fence_mm (lowest y)", "fence_mm (highest y)"],
             ["fence_mm (lowest z)", "fence_mm (highest z)"],
         ];
-        let mut sides = [("", 0, 0, 0); 6];
-        for (axis, ((pair, names), [low, high])) in
-            sides.as_chunks_mut().0.iter_mut().zip(names).zip(self.0).enumerate()
-        {
-            let [widest_low, widest_high] = MAX_SIDES_MM[axis];
-            *pair = [
-                (names[0], low, widest_low, widest_high - MIN_SIDE_MM),
-                (names[1], high, low.saturating_add(MIN_SIDE_MM), widest_high),
-            ];
-        }
-        sides
+        NAMES.into_iter().zip(self.0).zip(MAX_SIDES_MM).flat_map(|((names, side), widest)| {
+            let ([low, high], [min, max]) = (side.map(f64::from), widest.map(f64::from));
+            let least = f64::from(MIN_SIDE_MM);
+            [(names[0], low, min..=max - least), (names[1], high, low + least..=max)]
+        })
     }
 
     /// Whether our motion may bring the flange here.

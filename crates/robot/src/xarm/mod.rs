@@ -8,6 +8,7 @@
 //! listening there would silently replace the robot.
 
 pub mod codec;
+mod delay_monitor;
 pub mod driver;
 pub mod errors;
 mod fence;
@@ -15,7 +16,6 @@ mod framing;
 pub mod kinematics;
 mod pose;
 pub mod report;
-mod rhythm;
 mod stopper;
 pub mod tcp;
 

@@ -205,8 +205,8 @@ fn without_a_controller_the_arm_stands_where_it_was_sent_last() {
         let ended = bench.devices.arm.joints();
         let beside = ended.iter().zip(sent).map(|(ended, sent)| (ended - sent).abs()).fold(0.0, f64::max);
         assert!(beside < 1e-3, "{at}: {beside} rad from where it was sent");
-        let way_m = (forward(&ended).position_m - forward(&stood).position_m).norm();
-        farthest[usize::from(following)] = farthest[usize::from(following)].max(way_m);
+        let flange_distance_m = (forward(&ended).position_m - forward(&stood).position_m).norm();
+        farthest[usize::from(following)] = farthest[usize::from(following)].max(flange_distance_m);
     }
     // What its own lag leaves, at 0.3 rad/s and at 0.8 m/s: a planned move would have taken it half a metre farther.
     println!(

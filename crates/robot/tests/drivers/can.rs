@@ -1,4 +1,4 @@
-//! What carries frames: the hub between real sockets, and the serial adapter against python-can.
+//! What carries frames: the virtual bus between real sockets, and the serial adapter against python-can.
 
 use std::io::{Read as _, Write as _};
 use std::os::unix::net::UnixStream;
@@ -7,15 +7,15 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use etude_emulators::{FreeHand, HandEmulator, HandEmulatorConfig, Hub};
-use etude_robot::can::{self, CanError, CanFrame, CanTransport, HubTransport, SlcanTransport};
+use etude_emulators::{FreeHand, HandEmulator, HandEmulatorConfig, VirtualBus};
+use etude_robot::can::{self, CanError, CanFrame, CanTransport, SlcanTransport, VirtualBusTransport};
 
 use crate::adapter::Adapter;
 
 /// Environment variable that names a Python with python-can and pyserial; `make test` sets it.
 const PYTHON: &str = "ETUDE_PYTHON";
 /// Nothing here should take so long: a test that waits for it fails instead of hanging.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
 fn frame(id: u16, bytes: &[u8]) -> CanFrame {
     CanFrame::new(id, bytes).unwrap()
@@ -29,73 +29,73 @@ fn next(bus: &mut dyn CanTransport, mut turn: impl FnMut()) -> Result<CanFrame, 
         if let Some(frame) = bus.receive()? {
             return Ok(frame);
         }
-        assert!(start.elapsed() < PATIENCE, "no frame came");
+        assert!(start.elapsed() < TIMEOUT, "no frame came");
         std::thread::sleep(Duration::from_micros(100));
     }
 }
 
 #[test]
-fn a_hub_brings_each_frame_to_all_others() {
+fn a_virtual_bus_brings_each_frame_to_all_others() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bus");
     let spec = format!("bus:{}", path.display());
     let error = can::open(&spec).map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("start the emulator"), "{error}");
-    let mut hub = Hub::bind(&path).unwrap();
-    assert!(Hub::bind(&path).unwrap_err().to_string().contains("another hub"));
+    let mut bus_server = VirtualBus::bind(&path).unwrap();
+    assert!(VirtualBus::bind(&path).unwrap_err().to_string().contains("another virtual bus"));
     let [mut a, mut b, mut c] = [0; 3].map(|_| can::open(&spec).unwrap());
-    hub.turn();
-    assert_eq!(hub.clients(), 3, "the one that looked whether a hub is there has gone");
+    bus_server.poll();
+    assert_eq!(bus_server.clients(), 3, "the one that looked whether a bus is there has gone");
     for n in 0..500u16 {
         a.send(frame(n, &n.to_le_bytes())).unwrap();
         c.send(CanFrame::remote(n).unwrap()).unwrap();
         for _ in 0..2 {
-            let got = next(&mut *b, || hub.turn()).unwrap();
+            let got = next(&mut *b, || bus_server.poll()).unwrap();
             assert!(got == frame(n, &n.to_le_bytes()) || got == CanFrame::remote(n).unwrap());
         }
-        assert_eq!(next(&mut *a, || hub.turn()).unwrap(), CanFrame::remote(n).unwrap());
-        assert_eq!(next(&mut *c, || hub.turn()).unwrap(), frame(n, &n.to_le_bytes()));
+        assert_eq!(next(&mut *a, || bus_server.poll()).unwrap(), CanFrame::remote(n).unwrap());
+        assert_eq!(next(&mut *c, || bus_server.poll()).unwrap(), frame(n, &n.to_le_bytes()));
     }
     assert_eq!(a.receive().unwrap(), None, "never its own");
-    drop(hub);
+    drop(bus_server);
     assert!(!path.exists());
-    assert!(a.receive().unwrap_err().to_string().contains("its hub is gone"));
+    assert!(a.receive().unwrap_err().to_string().contains("its virtual bus has ended"));
 }
 
 #[test]
-fn a_hub_in_bus_off_is_what_a_kernel_shows() {
+fn a_virtual_bus_in_bus_off_is_what_a_kernel_shows() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bus");
-    let mut hub = Hub::bind(&path).unwrap();
-    let [mut a, mut b] = [0; 2].map(|_| HubTransport::connect(&path).unwrap());
+    let mut bus_server = VirtualBus::bind(&path).unwrap();
+    let [mut a, mut b] = [0; 2].map(|_| VirtualBusTransport::connect(&path).unwrap());
     let mut bare = UnixStream::connect(&path).unwrap();
-    hub.turn();
+    bus_server.poll();
     a.send(frame(1, &[])).unwrap();
-    hub.turn();
-    hub.set_off(true);
+    bus_server.poll();
+    bus_server.set_off(true);
     a.send(frame(2, &[])).unwrap();
-    hub.turn();
+    bus_server.poll();
     // Somebody comes meanwhile, and whoever is there reads first what came before.
-    let mut late = HubTransport::connect(&path).unwrap();
-    hub.turn();
-    assert_eq!(next(&mut b, || hub.turn()).unwrap(), frame(1, &[]));
+    let mut late = VirtualBusTransport::connect(&path).unwrap();
+    bus_server.poll();
+    assert_eq!(next(&mut b, || bus_server.poll()).unwrap(), frame(1, &[]));
     for bus in [&mut a, &mut b, &mut late] {
         let said = loop {
             if let Err(error) = bus.receive() {
                 break error;
             }
-            hub.turn();
+            bus_server.poll();
         };
         assert!(matches!(said, CanError::Off { .. }), "{said}");
         assert!(said.to_string().contains("`ip link set can0 down`"), "{said}");
         assert!(matches!(bus.send(frame(3, &[])), Err(CanError::Off { .. })));
     }
-    hub.set_off(false);
+    bus_server.set_off(false);
     while a.receive().is_err() || b.receive().is_err() {
-        hub.turn();
+        bus_server.poll();
     }
     a.send(frame(4, &[])).unwrap();
-    assert_eq!(next(&mut b, || hub.turn()).unwrap(), frame(4, &[]), "and nothing from meanwhile");
+    assert_eq!(next(&mut b, || bus_server.poll()).unwrap(), frame(4, &[]), "and nothing from meanwhile");
     // On the wire: Linux's struct can_frame of a data frame, an error of class 0x40, one of class 0x100.
     let mut records = [0; 4 * 16];
     bare.read_exact(&mut records).unwrap();
@@ -107,60 +107,60 @@ fn a_hub_in_bus_off_is_what_a_kernel_shows() {
     assert_eq!(words.collect::<Vec<_>>(), [(1, 0), (0x2000_0040, 8), (0x2000_0100, 8), (4, 0)]);
     // A client cannot say so: it has lost its place.
     bare.write_all(&records[16..32]).unwrap();
-    let clients = hub.clients();
-    hub.turn();
-    assert_eq!((hub.clients(), a.receive().unwrap()), (clients - 1, None));
+    let clients = bus_server.clients();
+    bus_server.poll();
+    assert_eq!((bus_server.clients(), a.receive().unwrap()), (clients - 1, None));
 }
 
 #[test]
 fn a_client_that_dies_or_talks_nonsense_harms_nobody() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bus");
-    let mut hub = Hub::bind(&path).unwrap();
-    let [mut a, mut b] = [0; 2].map(|_| HubTransport::connect(&path).unwrap());
+    let mut bus_server = VirtualBus::bind(&path).unwrap();
+    let [mut a, mut b] = [0; 2].map(|_| VirtualBusTransport::connect(&path).unwrap());
     // A record in two pieces is one frame; half a record and silence is none.
     let mut torn = UnixStream::connect(&path).unwrap();
     let record = [0x80, 1, 0, 0, 2, 0, 0, 0, 5, 6, 0, 0, 0, 0, 0, 0];
     torn.write_all(&record[..5]).unwrap();
-    hub.turn();
+    bus_server.poll();
     torn.write_all(&record[5..]).unwrap();
     torn.write_all(&record[..7]).unwrap();
-    assert_eq!(next(&mut a, || hub.turn()).unwrap(), frame(0x180, &[5, 6]));
-    assert_eq!(next(&mut b, || hub.turn()).unwrap(), frame(0x180, &[5, 6]));
+    assert_eq!(next(&mut a, || bus_server.poll()).unwrap(), frame(0x180, &[5, 6]));
+    assert_eq!(next(&mut b, || bus_server.poll()).unwrap(), frame(0x180, &[5, 6]));
     drop(torn);
     // Nonsense is dropped with who said it, and the good records before it count.
     let mut mad = UnixStream::connect(&path).unwrap();
     mad.write_all(&[record, [0xFF; 16], record].concat()).unwrap();
     for bus in [&mut a, &mut b] {
-        assert_eq!(next(bus, || hub.turn()).unwrap(), frame(0x180, &[5, 6]));
+        assert_eq!(next(bus, || bus_server.poll()).unwrap(), frame(0x180, &[5, 6]));
     }
     assert_eq!(mad.read(&mut [0; 16]).unwrap(), 0, "hung up");
     // One that never reads.
     let lazy = UnixStream::connect(&path).unwrap();
     for n in 0..20_000u32 {
         a.send(frame(0x10, &n.to_le_bytes())).unwrap();
-        assert_eq!(next(&mut b, || hub.turn()).unwrap().payload(), n.to_le_bytes());
+        assert_eq!(next(&mut b, || bus_server.poll()).unwrap().payload(), n.to_le_bytes());
     }
-    assert_eq!(hub.clients(), 3);
+    assert_eq!(bus_server.clients(), 3);
     drop((lazy, b));
     a.send(frame(1, &[])).unwrap();
-    hub.turn();
-    hub.turn();
-    assert_eq!((hub.clients(), a.receive().unwrap()), (1, None));
+    bus_server.poll();
+    bus_server.poll();
+    assert_eq!((bus_server.clients(), a.receive().unwrap()), (1, None));
 }
 
 #[test]
-fn a_dead_hubs_socket_is_replaced() {
+fn a_dead_buses_socket_is_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bus");
     drop(std::os::unix::net::UnixListener::bind(&path).unwrap());
     assert!(path.exists());
-    let mut hub = Hub::bind(&path).unwrap();
-    HubTransport::connect(&path).unwrap();
-    hub.turn();
+    let mut bus_server = VirtualBus::bind(&path).unwrap();
+    VirtualBusTransport::connect(&path).unwrap();
+    bus_server.poll();
     let file = folder.path().join("file");
     std::fs::write(&file, "not a socket").unwrap();
-    Hub::bind(&file).unwrap_err();
+    VirtualBus::bind(&file).unwrap_err();
     assert_eq!(std::fs::read(&file).unwrap(), b"not a socket");
 }
 

@@ -7,9 +7,9 @@ use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 use etude_emulators::{
-    ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, HandEmulator, HandEmulatorConfig, Hub, Reach,
+    ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, HandEmulator, HandEmulatorConfig, Reach, VirtualBus,
 };
-use etude_robot::can::{self, CanFrame, CanTransport, HubTransport};
+use etude_robot::can::{self, CanFrame, CanTransport, VirtualBusTransport};
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::{Stopped, stop};
 use etude_robot::xarm::codec::{Frame, Register, push_floats};
@@ -17,7 +17,7 @@ use etude_robot::xarm::codec::{Frame, Register, push_floats};
 use crate::adapter::Adapter;
 
 /// Nothing here should take so long: a test that waits for it fails instead of hanging.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 const SERVO_ON: u16 = 0x100;
 const SERVO_OFF: u16 = 0x104;
 
@@ -60,15 +60,15 @@ fn wait(stopping: ScopedJoinHandle<'_, Stopped>, mut turn: impl FnMut()) -> Stop
     let begun = Instant::now();
     while !stopping.is_finished() {
         turn();
-        assert!(begun.elapsed() < PATIENCE);
+        assert!(begun.elapsed() < TIMEOUT);
         std::thread::sleep(Duration::from_micros(100));
     }
     stopping.join().unwrap()
 }
 
-/// An emulated hand on a hub's bus.
+/// An emulated hand on a virtual bus.
 struct BusHand {
-    bus: HubTransport,
+    bus: VirtualBusTransport,
     hand: HandEmulator,
     /// Whether the servo was switched off.
     let_go: bool,
@@ -77,7 +77,7 @@ struct BusHand {
 impl BusHand {
     fn new(path: &Path) -> Self {
         let hand = HandEmulator::new(&HandEmulatorConfig::default());
-        Self { bus: HubTransport::connect(path).unwrap(), hand, let_go: false }
+        Self { bus: VirtualBusTransport::connect(path).unwrap(), hand, let_go: false }
     }
 
     fn turn(&mut self, now: Duration, answers: bool) {
@@ -97,7 +97,7 @@ impl BusHand {
 fn the_hand_does_not_wait_for_the_arm_nor_the_arm_for_its_reports() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bus");
-    let mut hub = Hub::bind(&path).unwrap();
+    let mut bus_server = VirtualBus::bind(&path).unwrap();
     let mut hand = BusHand::new(&path);
     let (mut arm, mut server, port) = moving_arm();
     // Port 1 refuses.
@@ -105,7 +105,7 @@ fn the_hand_does_not_wait_for_the_arm_nor_the_arm_for_its_reports() {
     let begun = Instant::now();
     let stopped = std::thread::scope(|scope| {
         wait(scope.spawn(|| stop(&rig)), || {
-            hub.turn();
+            bus_server.poll();
             hand.turn(begun.elapsed(), true);
             if hand.let_go {
                 arm.advance(begun.elapsed());
@@ -131,14 +131,14 @@ fn one_that_cannot_be_reached_does_not_save_the_other() {
     });
     assert!(stopped.hand.is_err() && stopped.arm.is_ok() && arm.state() == 4, "{stopped:?}");
     let path = folder.path().join("bus");
-    let mut hub = Hub::bind(&path).unwrap();
+    let mut bus_server = VirtualBus::bind(&path).unwrap();
     let without_an_arm = rig(bus(&path), "127.0.0.1:1:1");
     // A hand that does not answer was told, and is not called stopped.
     for answers in [true, false] {
         let mut hand = BusHand::new(&path);
         let stopped = std::thread::scope(|scope| {
             wait(scope.spawn(|| stop(&without_an_arm)), || {
-                hub.turn();
+                bus_server.poll();
                 hand.turn(begun.elapsed(), answers);
             })
         });
@@ -151,7 +151,7 @@ fn serve(device: &mut Adapter, done: &AtomicBool) -> Vec<CanFrame> {
     let mut hand = HandEmulator::new(&HandEmulatorConfig::default());
     let (begun, mut told) = (Instant::now(), Vec::new());
     while !done.load(Ordering::Relaxed) {
-        assert!(begun.elapsed() < PATIENCE);
+        assert!(begun.elapsed() < TIMEOUT);
         let mut answers = Vec::new();
         while let Some(frame) = device.receive().unwrap() {
             told.push(frame);

@@ -35,7 +35,7 @@ const JOINT_RAD_S: f64 = PI;
 /// Time between two targets: shorter ones would not make the arm any faster (xArm user manual).
 const TARGET_SECS: f64 = 0.005;
 /// A target repeated after a longer pause than this still may not leap.
-const LONGEST_SECS: f64 = 0.02;
+const MAX_SECS: f64 = 0.02;
 /// The first target may be so far from the arm: reports are up to 10 ms old, and it may still brake.
 const FIRST_RAD: f64 = 0.1;
 /// Time after a key went down in which the hand may not yet brake: a poll, a set-point, a target, and the jerk of each.
@@ -264,12 +264,12 @@ impl Judge {
         self.targets += 1;
         let far = |other: &[f64; 7]| joints.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         if let Some((at, before)) = self.target {
-            let secs = (now - at).as_secs_f64().clamp(TARGET_SECS, LONGEST_SECS);
+            let secs = (now - at).as_secs_f64().clamp(TARGET_SECS, MAX_SECS);
             // What a 32-bit float rounds off.
             let rounding = 1e-5;
             assert!(far(&before) <= JOINT_RAD_S * secs + rounding, "{} rad in {secs} s", far(&before));
-            let way_m = (forward(&joints).position_m - forward(&before).position_m).norm();
-            assert!(way_m <= FLANGE_M_S * secs + rounding, "{way_m} m in {secs} s");
+            let flange_distance_m = (forward(&joints).position_m - forward(&before).position_m).norm();
+            assert!(flange_distance_m <= FLANGE_M_S * secs + rounding, "{flange_distance_m} m in {secs} s");
             // The arm takes each target at full speed, however late it comes, and stands still if none comes.
             let along = forward(&joints).position_m[1] - forward(&before).position_m[1];
             let speed = along / TARGET_SECS;
@@ -300,7 +300,7 @@ impl Judge {
             }
             (self.arm_speed, self.arm_acceleration) = (speed, acceleration);
             self.worst_m_s3 = self.worst_m_s3.max(jerk.abs());
-            self.worst_step_m = self.worst_step_m.max(way_m);
+            self.worst_step_m = self.worst_step_m.max(flange_distance_m);
             self.worst_m_s2 = self.worst_m_s2.max(acceleration.abs());
         } else if let Some(arm) = &self.arm {
             assert!(far(arm) <= FIRST_RAD, "the first target is {} rad away", far(arm));

@@ -11,7 +11,7 @@ use etude_robot::{Phase, Robot};
 use etude_twin::{ArmPorts, TwinParams, TwinServer};
 
 /// Nothing here should take so long: a test that waits for it fails instead of hanging.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 #[test]
 fn ordered_faults_reach_a_controller_over_sockets() {
@@ -42,7 +42,7 @@ fn ordered_faults_reach_a_controller_over_sockets() {
         let begun = Instant::now();
         let mut poll = |robot: &mut Robot| {
             let now = begun.elapsed();
-            assert!(now < PATIENCE && !serving.is_finished(), "{:?} {:?}", robot.phase(), robot.fault());
+            assert!(now < TIMEOUT && !serving.is_finished(), "{:?} {:?}", robot.phase(), robot.fault());
             robot.poll(now, &mut wires);
             if let Some(fault) = robot.fault().filter(|_| robot.phase() == Phase::Fault) {
                 let fault = fault.to_string();

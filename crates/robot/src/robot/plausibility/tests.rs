@@ -3,7 +3,7 @@ use crate::allegro::{PLAYING, PWM_LIMITS};
 
 const PERIOD: Duration = Duration::from_millis(3);
 
-/// The doubt after `count` periods of `what`.
+/// What is found after `count` periods of `what`.
 fn after(
     count: u32,
     what: impl Fn(u32) -> ([f64; WIRE_JOINTS], [f64; WIRE_JOINTS], [i16; WIRE_JOINTS]),
@@ -17,7 +17,7 @@ fn after(
 }
 
 #[test]
-fn a_finger_that_repeats_itself_is_doubted_and_one_at_rest_is_not() {
+fn a_finger_that_repeats_itself_is_found_and_one_at_rest_is_not() {
     let moving = |period: u32| [0.001 * f64::from(period); WIRE_JOINTS];
     let stuck = |finger: Option<usize>| {
         after(400, |period| {
@@ -83,7 +83,7 @@ fn an_arm_away_from_the_keyboard_is_where_it_was_sent_or_stood() {
 }
 
 #[test]
-fn an_arm_that_stands_or_is_elsewhere_is_doubted() {
+fn an_arm_that_stands_or_is_elsewhere_is_found() {
     let arm = |count: u32, what: &dyn Fn(f64) -> ([f64; 7], RailPlace, f64)| {
         let mut plausibility = PlausibilityChecks::default();
         for report in 0..count {

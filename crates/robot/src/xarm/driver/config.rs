@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 use std::time::Duration;
 
+use etude_checks::{RangeError, check_range};
 use serde::{Deserialize, Serialize};
 
-use crate::setting::{SettingError, check_range};
 use crate::xarm::fence::Fence;
 
 /// Settings of the arm's driver.
@@ -77,35 +77,31 @@ impl ArmConfig {
     ///
     /// # Errors
     /// Names the first one that is out of range.
-    pub fn check(&self) -> Result<(), SettingError> {
+    pub fn check(&self) -> Result<(), RangeError> {
         let [x, y, z] = self.payload_centre_mm;
         let rows = [
-            ("payload_kg", self.payload_kg, 0.0, 3.5),
-            ("payload_centre_mm (x)", x, -500.0, 500.0),
-            ("payload_centre_mm (y)", y, -500.0, 500.0),
-            ("payload_centre_mm (z)", z, -500.0, 500.0),
-            ("collision_sensitivity", self.collision_sensitivity.into(), 0.0, 5.0),
+            ("payload_kg", self.payload_kg, 0.0..=3.5),
+            ("payload_centre_mm (x)", x, -500.0..=500.0),
+            ("payload_centre_mm (y)", y, -500.0..=500.0),
+            ("payload_centre_mm (z)", z, -500.0..=500.0),
+            ("collision_sensitivity", self.collision_sensitivity.into(), 0.0..=5.0),
             // The largest values are the controller's; with smaller ones than the least a move home would take minutes.
-            ("tcp_jerk_m_s3", self.tcp_jerk_m_s3, 0.1, 100.0),
-            ("tcp_acceleration_m_s2", self.tcp_acceleration_m_s2, 0.1, 50.0),
-            ("joint_jerk_rad_s3", self.joint_jerk_rad_s3, 1.0, 499.9),
-            ("joint_acceleration_rad_s2", self.joint_acceleration_rad_s2, 0.1, 19.98),
-            ("servo_hz", self.servo_hz, 100.0, 250.0),
-            ("joint_speed_limit_rad_s", self.joint_speed_limit_rad_s, 0.01, PI),
-            ("tcp_speed_limit_m_s", self.tcp_speed_limit_m_s, 0.01, 1.2),
-            ("following_limit_rad", self.following_limit_rad, 0.01, PI),
-            ("reply_timeout_secs", self.reply_timeout_secs, 0.01, 10.0),
-            ("report_stale_after_secs", self.report_stale_after_secs, 0.02, 10.0),
-            ("start_timeout_secs", self.start_timeout_secs, 0.1, 60.0),
+            ("tcp_jerk_m_s3", self.tcp_jerk_m_s3, 0.1..=100.0),
+            ("tcp_acceleration_m_s2", self.tcp_acceleration_m_s2, 0.1..=50.0),
+            ("joint_jerk_rad_s3", self.joint_jerk_rad_s3, 1.0..=499.9),
+            ("joint_acceleration_rad_s2", self.joint_acceleration_rad_s2, 0.1..=19.98),
+            ("servo_hz", self.servo_hz, 100.0..=250.0),
+            ("joint_speed_limit_rad_s", self.joint_speed_limit_rad_s, 0.01..=PI),
+            ("tcp_speed_limit_m_s", self.tcp_speed_limit_m_s, 0.01..=1.2),
+            ("following_limit_rad", self.following_limit_rad, 0.01..=PI),
+            ("reply_timeout_secs", self.reply_timeout_secs, 0.01..=10.0),
+            ("report_stale_after_secs", self.report_stale_after_secs, 0.02..=10.0),
+            ("start_timeout_secs", self.start_timeout_secs, 0.1..=60.0),
         ];
-        let sides = self.fence_mm.map(|fence| fence.sides()).into_iter().flatten();
-        let sides = sides.map(|(name, value, lowest, highest)| {
-            (name, f64::from(value), f64::from(lowest), f64::from(highest))
-        });
-        for (name, value, lowest, highest) in rows.into_iter().chain(sides) {
-            check_range(format!("arm.{name}"), value, lowest, highest)?;
-        }
-        Ok(())
+        let sides = self.fence_mm.map(Fence::sides).into_iter().flatten();
+        rows.into_iter()
+            .chain(sides)
+            .try_for_each(|(name, value, range)| check_range(format!("arm.{name}"), value, range))
     }
 
     /// Time between two targets.

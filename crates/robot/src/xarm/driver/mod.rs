@@ -6,10 +6,10 @@
 //! nothing else is sent until [`start`](Arm::start).
 
 mod config;
+mod distance;
 mod exchange;
 mod fault;
-mod gate;
-mod reach;
+mod speed_limit;
 mod state;
 mod steps;
 
@@ -21,10 +21,10 @@ pub use state::Arm;
 pub use steps::ArmVersion;
 
 use super::codec::{FrameParser, Register};
+use super::delay_monitor::DelayMonitor;
 use super::kinematics::{self, ARM_JOINTS, Pose};
 use super::report::{REPORT_PERIOD, Report, ReportParser};
-use super::rhythm::Rhythm;
-pub(crate) use reach::largest_turn;
+pub(crate) use distance::largest_turn;
 use state::{Halt, Phase, Purpose, Target, Work};
 use steps::{MANUAL, SERVO, Step};
 
@@ -60,7 +60,7 @@ impl Arm {
         }
         (self.outstanding, self.halt, self.ask_error) = (None, None, false);
         // Reports may have been missing before.
-        self.rhythm = Rhythm::new(REPORT_PERIOD);
+        self.report_delay = DelayMonitor::new(REPORT_PERIOD);
         self.work(now, steps::START);
         Ok(())
     }
@@ -147,11 +147,11 @@ impl Arm {
             }
             is_new = true;
             self.report = Some((report, now));
-            self.rhythm.count(report.sent_at);
+            self.report_delay.count(report.sent_at);
             self.check_report(&report, now);
         }
         if is_new {
-            let by = self.rhythm.late(now);
+            let by = self.report_delay.delay(now);
             if by.as_secs_f64() > self.config.report_stale_after_secs {
                 self.fail(ArmFault::ReportsLate { by });
             }

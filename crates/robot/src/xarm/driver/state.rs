@@ -2,14 +2,15 @@
 
 use std::time::Duration;
 
+use etude_checks::RangeError;
+
 use super::config::ArmConfig;
 use super::fault::ArmFault;
 use super::steps::{self, ArmVersion, Step};
-use crate::setting::SettingError;
 use crate::xarm::codec::{FrameParser, Register, STOPPED};
+use crate::xarm::delay_monitor::DelayMonitor;
 use crate::xarm::kinematics::ARM_JOINTS;
 use crate::xarm::report::{REPORT_PERIOD, Report, ReportParser};
-use crate::xarm::rhythm::Rhythm;
 
 /// The arm's driver.
 #[derive(Debug)]
@@ -22,7 +23,7 @@ pub struct Arm {
     pub(super) commands: FrameParser,
     pub(super) reports: ReportParser,
     pub(super) report: Option<(Report, Duration)>,
-    pub(super) rhythm: Rhythm,
+    pub(super) report_delay: DelayMonitor,
     pub(super) version: Option<ArmVersion>,
     pub(super) serial: Option<String>,
     pub(super) halt: Option<Halt>,
@@ -104,7 +105,7 @@ impl Arm {
     ///
     /// # Errors
     /// If a setting is out of range.
-    pub fn new(config: ArmConfig) -> Result<Self, SettingError> {
+    pub fn new(config: ArmConfig) -> Result<Self, RangeError> {
         config.check()?;
         Ok(Self {
             config,
@@ -115,7 +116,7 @@ impl Arm {
             commands: FrameParser::default(),
             reports: ReportParser::default(),
             report: None,
-            rhythm: Rhythm::new(REPORT_PERIOD),
+            report_delay: DelayMonitor::new(REPORT_PERIOD),
             version: None,
             serial: None,
             halt: None,

@@ -51,9 +51,9 @@ fn a_hand_is_told_to_let_go_until_it_confirms_it() {
     bench.hand.stop(bench.now, &mut out);
     bench.to_hand.extend(out);
     bench.run(ms(340));
-    assert!(!bench.hand.has_let_go() && bench.emulator.servo_on(), "nothing was heard");
+    assert!(!bench.hand.has_confirmed_release() && bench.emulator.servo_on(), "nothing was heard");
     bench.run(ms(160));
-    assert!(bench.hand.has_let_go() && !bench.emulator.servo_on());
+    assert!(bench.hand.has_confirmed_release() && !bench.emulator.servo_on());
     bench.sent.clear();
     bench.run(ms(500));
     assert!(bench.sent.is_empty(), "then it is quiet: another controller may come");
@@ -91,11 +91,11 @@ fn stop_is_allowed_always_and_often() {
     bench.run(ms(200));
     let mut out = vec![];
     bench.hand.stop(bench.now, &mut out);
-    assert!(!bench.hand.has_let_go());
+    assert!(!bench.hand.has_confirmed_release());
     bench.to_hand.extend(out);
     bench.sent.clear();
     bench.run(ms(500));
-    assert!(bench.hand.has_let_go());
+    assert!(bench.hand.has_confirmed_release());
     assert_eq!(
         (bench.sent.len(), bench.emulator.pwm(), bench.emulator.servo_on()),
         (0, [0; WIRE_JOINTS], false)

@@ -12,7 +12,7 @@ const PARTS: usize = 4;
 
 /// Watches a stream of messages.
 #[derive(Clone, Debug)]
-pub(super) struct Rhythm {
+pub(super) struct DelayMonitor {
     period_secs: f64,
     /// When the newest message was sent, s from any moment.
     sent_secs: Option<f64>,
@@ -22,7 +22,7 @@ pub(super) struct Rhythm {
     began: Option<Duration>,
 }
 
-impl Rhythm {
+impl DelayMonitor {
     /// Of a stream whose messages, if they carry no time, come once in each period.
     pub fn new(period: Duration) -> Self {
         Self {
@@ -40,7 +40,7 @@ impl Rhythm {
     }
 
     /// How much later than before the newest message came, if that is `now`. Messages that came together are counted before this is called.
-    pub fn late(&mut self, now: Duration) -> Duration {
+    pub fn delay(&mut self, now: Duration) -> Duration {
         let Some(sent_secs) = self.sent_secs else { return Duration::ZERO };
         let secs = now.as_secs_f64() - sent_secs;
         let began = *self.began.get_or_insert(now);
@@ -65,12 +65,12 @@ mod tests {
 
     /// The greatest lateness that is seen of messages that come at these times, s.
     fn greatest(times: impl IntoIterator<Item = f64>) -> f64 {
-        let mut rhythm = Rhythm::new(PERIOD);
+        let mut monitor = DelayMonitor::new(PERIOD);
         let mut times: Vec<f64> = times.into_iter().collect();
         times.sort_by(f64::total_cmp);
         let late = times.chunk_by(|one, other| one == other).map(|together| {
-            together.iter().for_each(|_| rhythm.count(None));
-            rhythm.late(Duration::from_secs_f64(together[0])).as_secs_f64()
+            together.iter().for_each(|_| monitor.count(None));
+            monitor.delay(Duration::from_secs_f64(together[0])).as_secs_f64()
         });
         late.fold(0.0, f64::max)
     }
@@ -80,10 +80,10 @@ mod tests {
         // From the third second on each message comes a millisecond later than the one before.
         let grows = |n: u32| f64::from(n) * 0.01 + f64::from(n.saturating_sub(300).min(120)) * 0.001;
         assert!((greatest((0..1000).map(grows)) - 0.12).abs() < 0.002);
-        let mut rhythm = Rhythm::new(PERIOD);
+        let mut monitor = DelayMonitor::new(PERIOD);
         let last = (0..1000).map(|n| {
-            rhythm.count(None);
-            rhythm.late(Duration::from_secs_f64(grows(n)))
+            monitor.count(None);
+            monitor.delay(Duration::from_secs_f64(grows(n)))
         });
         assert!(last.last().unwrap() < Duration::from_millis(1));
     }
@@ -92,11 +92,11 @@ mod tests {
     #[test]
     fn the_time_of_a_message_counts_more_than_its_number() {
         let late = |delay_ms: fn(u64) -> u64| {
-            let mut rhythm = Rhythm::new(PERIOD);
+            let mut monitor = DelayMonitor::new(PERIOD);
             let sent_ms = (0..1000).map(|n| 4 * n + n % 3);
             sent_ms.fold(Duration::ZERO, |most, ms| {
-                rhythm.count(Some(Duration::from_millis(1_000_000 + ms)));
-                rhythm.late(Duration::from_millis(ms + delay_ms(ms))).max(most)
+                monitor.count(Some(Duration::from_millis(1_000_000 + ms)));
+                monitor.delay(Duration::from_millis(ms + delay_ms(ms))).max(most)
             })
         };
         assert_eq!(late(|_| 30), Duration::ZERO);

@@ -1,8 +1,8 @@
-//! The client of a hub (`bus:PATH`), a CAN bus between processes over a Unix socket for emulators and for machines without
-//! CAN; the hub itself is in `etude-emulators`.
+//! The client of a virtual bus (`bus:PATH`), a CAN bus between processes over a Unix socket for emulators and for machines without
+//! CAN; the bus itself is in `etude-emulators`.
 //!
 //! Each frame is a record of 16 bytes with the layout of Linux's `struct can_frame` and a little-endian identifier:
-//! identifier and flags (4 bytes), length (1), padding (3), data (8). A hub reports bus-off by error frames, as the kernel
+//! identifier and flags (4 bytes), length (1), padding (3), data (8). The bus reports bus-off by error frames, as the kernel
 //! does.
 
 use std::collections::VecDeque;
@@ -23,16 +23,16 @@ const QUEUE: usize = 4096;
 /// Records read of one link in one call, so that one client cannot block the others.
 const READ: usize = 64;
 
-/// What a record of the hub's socket holds.
+/// What a record of the socket of a virtual bus holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HubRecord {
+pub enum BusRecord {
     /// A frame of the bus.
     Frame(CanFrame),
     /// The bus goes into bus-off (`true`) or comes out of it.
     BusOff(bool),
 }
 
-impl HubRecord {
+impl BusRecord {
     /// Bytes of a record.
     pub const SIZE: usize = 16;
 
@@ -70,34 +70,34 @@ impl HubRecord {
     }
 }
 
-/// One end of a connection between a hub and a client.
+/// One end of a connection between a virtual bus and a client.
 #[derive(Debug)]
-pub struct HubLink {
+pub struct VirtualBusLink {
     stream: UnixStream,
     /// The beginning of a record whose rest has not come yet.
     partial: Vec<u8>,
     outbox: Outbox,
 }
 
-impl HubLink {
+impl VirtualBusLink {
     /// An end of this stream.
     ///
     /// # Errors
     /// If the stream cannot be set not to block.
     pub fn new(stream: UnixStream) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
-        let partial = Vec::with_capacity(HubRecord::SIZE);
-        Ok(Self { stream, partial, outbox: Outbox::new(QUEUE * HubRecord::SIZE) })
+        let partial = Vec::with_capacity(BusRecord::SIZE);
+        Ok(Self { stream, partial, outbox: Outbox::new(QUEUE * BusRecord::SIZE) })
     }
 
     /// Appends the records that have come. Returns `false` if the other end is gone or has sent something else than records.
-    pub fn read(&mut self, records: &mut Vec<HubRecord>) -> bool {
-        let mut bytes = [0; READ * HubRecord::SIZE];
+    pub fn read(&mut self, records: &mut Vec<BusRecord>) -> bool {
+        let mut bytes = [0; READ * BusRecord::SIZE];
         let Ok(len) = read_once(&mut self.stream, &mut bytes) else { return false };
         self.partial.extend_from_slice(bytes.get(..len).unwrap_or_default());
         let (complete, rest) = self.partial.as_chunks();
         for record in complete {
-            let Some(record) = HubRecord::decode(record) else { return false };
+            let Some(record) = BusRecord::decode(record) else { return false };
             records.push(record);
         }
         self.partial = rest.to_vec();
@@ -105,7 +105,7 @@ impl HubLink {
     }
 
     /// Queues a record. Returns `false` if there is no room.
-    pub fn push(&mut self, record: &HubRecord) -> bool {
+    pub fn push(&mut self, record: &BusRecord) -> bool {
         self.outbox.push(&record.encode())
     }
 
@@ -115,24 +115,24 @@ impl HubLink {
     }
 }
 
-/// A client of a hub.
+/// A client of a virtual bus.
 #[derive(Debug)]
-pub struct HubTransport {
+pub struct VirtualBusTransport {
     bus: String,
-    link: HubLink,
+    link: VirtualBusLink,
     arrived: VecDeque<CanFrame>,
     off: bool,
 }
 
-impl HubTransport {
+impl VirtualBusTransport {
     /// Joins the bus at `path`.
     ///
     /// # Errors
-    /// If no hub serves there.
+    /// If no virtual bus is served there.
     pub fn connect(path: impl AsRef<Path>) -> Result<Self, CanError> {
         let bus = path.as_ref().display().to_string();
         let hint = "start the emulator that serves this bus first, and give both the same path";
-        match UnixStream::connect(path.as_ref()).and_then(HubLink::new) {
+        match UnixStream::connect(path.as_ref()).and_then(VirtualBusLink::new) {
             Ok(link) => Ok(Self { bus, link, arrived: VecDeque::new(), off: false }),
             Err(error) => Err(CanError::Open { bus, message: format!("{error}: {hint}") }),
         }
@@ -142,8 +142,8 @@ impl HubTransport {
         CanError::Broken { bus: self.bus.clone(), message: message.to_owned() }
     }
 
-    fn gone(&self) -> CanError {
-        self.broken("its hub is gone: start it again, then this program")
+    fn closed(&self) -> CanError {
+        self.broken("its virtual bus has ended: start it again, then this program")
     }
 
     /// Bus-off, with the commands that reset the interface of a real bus.
@@ -152,15 +152,15 @@ impl HubTransport {
     }
 }
 
-impl CanTransport for HubTransport {
+impl CanTransport for VirtualBusTransport {
     fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
         if self.off {
             return Err(self.bus_off());
         }
-        if !self.link.push(&HubRecord::Frame(frame)) {
-            return Err(self.broken("its hub takes no more frames: it hangs; start it again"));
+        if !self.link.push(&BusRecord::Frame(frame)) {
+            return Err(self.broken("its virtual bus takes no more frames: it hangs; start it again"));
         }
-        if self.link.flush() { Ok(()) } else { Err(self.gone()) }
+        if self.link.flush() { Ok(()) } else { Err(self.closed()) }
     }
 
     fn receive(&mut self) -> Result<Option<CanFrame>, CanError> {
@@ -171,13 +171,13 @@ impl CanTransport for HubTransport {
         let alive = self.link.flush() && self.link.read(&mut records);
         for record in records {
             match record {
-                HubRecord::Frame(frame) => self.arrived.push_back(frame),
-                HubRecord::BusOff(off) => self.off = off,
+                BusRecord::Frame(frame) => self.arrived.push_back(frame),
+                BusRecord::BusOff(off) => self.off = off,
             }
         }
         match self.arrived.pop_front() {
             Some(frame) => Ok(Some(frame)),
-            None if !alive => Err(self.gone()),
+            None if !alive => Err(self.closed()),
             None if self.off => Err(self.bus_off()),
             None => Ok(None),
         }
@@ -192,22 +192,22 @@ mod tests {
 
     #[test]
     fn records_have_the_layout_of_the_kernel() {
-        let torque = HubRecord::Frame(CanFrame::new(0x180, &[0x77, 0x01, 0xa3]).unwrap());
+        let torque = BusRecord::Frame(CanFrame::new(0x180, &[0x77, 0x01, 0xa3]).unwrap());
         let record = [0x80, 1, 0, 0, 3, 0, 0, 0, 0x77, 0x01, 0xa3, 0, 0, 0, 0, 0];
-        assert_eq!((torque.encode(), HubRecord::decode(&record)), (record, Some(torque)));
-        let request = HubRecord::Frame(CanFrame::remote(0x200).unwrap());
+        assert_eq!((torque.encode(), BusRecord::decode(&record)), (record, Some(torque)));
+        let request = BusRecord::Frame(CanFrame::remote(0x200).unwrap());
         let record = [0, 2, 0, 0x40, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-        assert_eq!((request.encode(), HubRecord::decode(&record)), (record, Some(request)));
+        assert_eq!((request.encode(), BusRecord::decode(&record)), (record, Some(request)));
         let mut extended = record;
         extended[3] = 0x80;
-        assert_eq!(HubRecord::decode(&extended), None);
+        assert_eq!(BusRecord::decode(&extended), None);
     }
 
     proptest! {
         #[test]
-        fn any_record_is_read_or_refused(record: [u8; HubRecord::SIZE]) {
-            if let Some(read) = HubRecord::decode(&record) {
-                prop_assert_eq!(HubRecord::decode(&read.encode()), Some(read));
+        fn any_record_is_read_or_refused(record: [u8; BusRecord::SIZE]) {
+            if let Some(read) = BusRecord::decode(&record) {
+                prop_assert_eq!(BusRecord::decode(&read.encode()), Some(read));
             }
         }
     }

@@ -12,7 +12,7 @@ pub(crate) fn largest_turn(from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]) -> 
 }
 
 /// Distance between the flange's positions at two places, m.
-pub(super) fn way_m(from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]) -> f64 {
+pub(super) fn flange_distance_m(from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]) -> f64 {
     (kinematics::forward(to).position_m - kinematics::forward(from).position_m).norm()
 }
 

@@ -1,4 +1,4 @@
-//! A hub: a CAN bus between processes over a Unix socket. Each frame of a client reaches all other clients.
+//! A virtual bus: a CAN bus between processes over a Unix socket. Each frame of a client reaches all other clients.
 //!
 //! A client that sends invalid records is dropped, because its stream is out of step: a torque must never be read from the
 //! middle of another record.
@@ -7,31 +7,31 @@ use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
-use etude_robot::can::{CanError, HubLink, HubRecord};
+use etude_robot::can::{BusRecord, CanError, VirtualBusLink};
 
 const MAX_CLIENTS: usize = 32;
 
 /// Serves a bus.
 #[derive(Debug)]
-pub struct Hub {
+pub struct VirtualBus {
     path: PathBuf,
     listener: UnixListener,
-    clients: Vec<HubLink>,
+    clients: Vec<VirtualBusLink>,
     off: bool,
 }
 
-impl Hub {
-    /// Opens the bus at `path`. A socket file that a dead hub left there is replaced.
+impl VirtualBus {
+    /// Opens the bus at `path`. A socket file that a dead process left there is replaced.
     ///
     /// # Errors
-    /// If another hub serves there, or the file cannot be made.
+    /// If another virtual bus is served there, or the file cannot be made.
     pub fn bind(path: impl AsRef<Path>) -> Result<Self, CanError> {
         let path = path.as_ref().to_path_buf();
         let open = |message: String| CanError::Open { bus: path.display().to_string(), message };
         // Another kind of file is never removed.
         if std::fs::symlink_metadata(&path).is_ok_and(|file| file.file_type().is_socket()) {
             if UnixStream::connect(&path).is_ok() {
-                return Err(open("another hub serves there: stop it, or choose another path".to_owned()));
+                return Err(open("another virtual bus is served there: stop it, or choose another path".to_owned()));
             }
             std::fs::remove_file(&path).map_err(|error| open(format!("{error}: remove this old socket")))?;
         }
@@ -43,12 +43,12 @@ impl Hub {
     }
 
     /// Accepts new clients, passes on what has arrived, and drops clients that are gone. Never blocks.
-    pub fn turn(&mut self) {
+    pub fn poll(&mut self) {
         while self.clients.len() < MAX_CLIENTS {
             let Ok((stream, _)) = self.listener.accept() else { break };
-            self.clients.extend(HubLink::new(stream).ok());
+            self.clients.extend(VirtualBusLink::new(stream).ok());
             if let (true, Some(client)) = (self.off, self.clients.last_mut()) {
-                client.push(&HubRecord::BusOff(true));
+                client.push(&BusRecord::BusOff(true));
             }
         }
         let mut from = 0;
@@ -56,9 +56,9 @@ impl Hub {
         while from < self.clients.len() {
             records.clear();
             let alive = self.clients.get_mut(from).is_some_and(|client| client.read(&mut records));
-            // Bus-off comes from the hub alone.
-            let alive = alive && records.iter().all(|record| matches!(record, HubRecord::Frame(_)));
-            records.retain(|record| matches!(record, HubRecord::Frame(_)) && !self.off);
+            // Bus-off comes from the bus alone.
+            let alive = alive && records.iter().all(|record| matches!(record, BusRecord::Frame(_)));
+            records.retain(|record| matches!(record, BusRecord::Frame(_)) && !self.off);
             for (_, client) in self.clients.iter_mut().enumerate().filter(|(to, _)| *to != from) {
                 // A client that does not read loses whole frames.
                 records.iter().for_each(|record| _ = client.push(record));
@@ -69,14 +69,14 @@ impl Hub {
                 self.clients.remove(from);
             }
         }
-        self.clients.retain_mut(HubLink::flush);
+        self.clients.retain_mut(VirtualBusLink::flush);
     }
 
     /// Puts the bus into bus-off, or ends it. Every client receives an error frame; during bus-off no frame is passed on.
     pub fn set_off(&mut self, off: bool) {
         if self.off != off {
             self.off = off;
-            self.clients.iter_mut().for_each(|client| _ = client.push(&HubRecord::BusOff(off)));
+            self.clients.iter_mut().for_each(|client| _ = client.push(&BusRecord::BusOff(off)));
         }
     }
 
@@ -86,7 +86,7 @@ impl Hub {
     }
 }
 
-impl Drop for Hub {
+impl Drop for VirtualBus {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.path);
     }

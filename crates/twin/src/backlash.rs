@@ -19,16 +19,16 @@ enum Place {
 }
 
 /// The play of all joints.
-pub(crate) struct Play {
+pub(crate) struct Backlash {
     half: f64,
     armature: [f64; DRIVEN_JOINTS],
     places: [Place; DRIVEN_JOINTS],
 }
 
-impl Play {
+impl Backlash {
     pub(crate) fn new(hand: &HandParams, params: &PhysicalParams) -> Self {
         Self {
-            half: hand.play_rad / 2.0,
+            half: hand.motor_backlash_rad / 2.0,
             armature: std::array::from_fn(|joint| params.joint(JointRow::Armature, joint)),
             places: [Place::Flank(1.0); DRIVEN_JOINTS],
         }
@@ -66,10 +66,10 @@ mod tests {
 
     const JOINT: usize = 5;
 
-    fn play(play_rad: f64) -> Play {
+    fn play(motor_backlash_rad: f64) -> Backlash {
         let mut params = PhysicalParams::default();
         params.set("joint.all.armature", 0.001).unwrap();
-        Play::new(&HandParams { play_rad, ..HandParams::default() }, &params)
+        Backlash::new(&HandParams { motor_backlash_rad, ..HandParams::default() }, &params)
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! The last check of every target before the wire: it must be reachable and close to the one before, and each step
 //! that is sent stays within the speed limits.
 
+use super::distance::{flange_distance_m, largest_turn, possible};
 use super::fault::TargetError;
-use super::reach::{largest_turn, possible, way_m};
 use super::state::{Arm, Target};
 use crate::xarm::kinematics;
 
-/// Corrections of a shortened way, each of which leaves a small part of what was too long.
+/// Corrections of a shortened path, each of which leaves a small part of what was too long.
 const CORRECTIONS: usize = 3;
 /// Room for rounding when speeds are compared with their limits.
 const ROUNDING: f64 = 1.0 + 1e-6;
@@ -26,7 +26,7 @@ impl Arm {
         if needed_rad_s > allowed_rad_s {
             return Err(TargetError::JointTooFast { joint, needed_rad_s, allowed_rad_s });
         }
-        let needed_m_s = way_m(&before.joints, &target.joints) / secs;
+        let needed_m_s = flange_distance_m(&before.joints, &target.joints) / secs;
         let allowed_m_s = self.config.tcp_speed_limit_m_s;
         if needed_m_s > allowed_m_s {
             return Err(TargetError::FlangeTooFast { needed_m_s, allowed_m_s });
@@ -34,16 +34,16 @@ impl Arm {
         Ok(())
     }
 
-    /// The last gate before the wire: as much of the way from what was sent last to the target as the speed
+    /// The last limit before the wire: as much of the path from what was sent last to the target as the speed
     /// limits allow. It is less than all of it only after late replies, as [`servo`](Arm::servo) refuses what is too fast.
     pub(super) fn within_reach(&self, target: Target) -> Target {
         let Some(sent) = self.sent else { return target };
         let secs = self.step_secs();
         let (_, turn) = largest_turn(&sent.joints, &target.joints);
-        let way = way_m(&sent.joints, &target.joints);
-        let longest_m = self.config.tcp_speed_limit_m_s * secs;
+        let distance = flange_distance_m(&sent.joints, &target.joints);
+        let max_m = self.config.tcp_speed_limit_m_s * secs;
         let mut share =
-            (self.config.joint_speed_limit_rad_s * secs / turn.max(1e-9)).min(longest_m / way.max(1e-9));
+            (self.config.joint_speed_limit_rad_s * secs / turn.max(1e-9)).min(max_m / distance.max(1e-9));
         if share >= 1.0 {
             return target;
         }
@@ -54,9 +54,9 @@ impl Arm {
             }
             joints
         };
-        // The flange's way is curved: a share of the turns can be more than that share of the way.
+        // The flange's path is curved: a share of the turns can be more than that share of the path.
         for _ in 0..CORRECTIONS {
-            share *= (longest_m / way_m(&sent.joints, &part(share)).max(1e-9)).min(1.0);
+            share *= (max_m / flange_distance_m(&sent.joints, &part(share)).max(1e-9)).min(1.0);
         }
         Target { joints: part(share), ..target }
     }
@@ -77,7 +77,7 @@ mod tests {
     use crate::xarm::kinematics::PAPER_HOME_DEG;
 
     #[test]
-    fn a_shortened_way_keeps_the_flanges_speed_on_a_curve() {
+    fn a_shortened_path_keeps_the_flanges_speed_on_a_curve() {
         let joints = PAPER_HOME_DEG.map(f64::to_radians);
         for turn in [0.2, 0.7, 1.5, 2.5] {
             let mut arm = Arm::new(ArmConfig::default()).unwrap();
@@ -86,9 +86,9 @@ mod tests {
             far[0] += turn;
             let at = Duration::from_secs(1) + arm.config.servo_period();
             let next = arm.within_reach(Target { joints: far, at: Some(at) });
-            let (way, longest) =
-                (way_m(&joints, &next.joints), arm.step_secs() * arm.config.tcp_speed_limit_m_s);
-            assert!(way <= longest * (1.0 + 1e-5) && way > longest * 0.9, "{way} m for {turn} rad");
+            let (distance, max) =
+                (flange_distance_m(&joints, &next.joints), arm.step_secs() * arm.config.tcp_speed_limit_m_s);
+            assert!(distance <= max * (1.0 + 1e-5) && distance > max * 0.9, "{distance} m for {turn} rad");
             assert_ne!(next.joints, far, "shortened");
         }
     }
