@@ -1,4 +1,5 @@
-//! Lets this crate's tests, which play on the twin, find MuJoCo where `make setup` put it. The crate itself does not link it.
+//! Lets this crate's tests, which play on the twin, find MuJoCo where `make setup` put it. The
+//! crate itself does not link it.
 
 fn main() {
     let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();

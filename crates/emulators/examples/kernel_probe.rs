@@ -1,6 +1,6 @@
-//! Drives a hand over the kernel's own CAN and hears a keyboard over the kernel's own MIDI; runs inside the
-//! guest of `make test-kernel`, which has both as pure software. Each check that holds prints a line that
-//! starts with PASS.
+//! Drives a hand over the kernel's own CAN and hears a keyboard over the kernel's own MIDI; runs
+//! inside the guest of `make test-kernel`, which has both as pure software. Each check that holds
+//! prints a line that starts with PASS.
 //!
 //! Time is counted in turns, not by a clock: an emulated processor keeps no 3 ms deadlines.
 
@@ -80,8 +80,8 @@ fn remote_frame() -> Checked {
 
 fn hand() -> Checked {
     let (mut host_bus, mut hand_bus) = (can::open("vcan0")?, can::open("vcan0")?);
-    // The clock is ours, the bus is the kernel's: a frame that it hands over late, as it may in an emulated guest, is no fault of
-    // the hand's.
+    // The clock is ours, the bus is the kernel's: a frame that it hands over late, as it may in an
+    // emulated guest, is no fault of the hand's.
     let mut hand = Hand::new(&HandConfig { stale_after_secs: 0.1, ..HandConfig::default() })?;
     let mut emulator = HandEmulator::new(&HandEmulatorConfig::default());
     let mut joints = FreeHand::default();
@@ -134,7 +134,8 @@ fn hand() -> Checked {
     Ok(())
 }
 
-/// No virtual bus has errors of its own: the frame by which a driver tells of bus-off is sent by hand.
+/// No virtual bus has errors of its own: the frame by which a driver tells of bus-off is sent by
+/// hand.
 fn bus_off() -> Checked {
     let mut bus = can::open("vcan0")?;
     let kernel = CanSocket::open("vcan0")?;
@@ -162,7 +163,8 @@ fn bus_goes_down() -> Checked {
     Ok(())
 }
 
-/// The raw device of the sound card of this driver: `f_midi` plays the keyboard, `USB-Audio` hears it.
+/// The raw device of the sound card of this driver: `f_midi` plays the keyboard, `USB-Audio` hears
+/// it.
 fn raw_device(driver: &str) -> Result<String, Box<dyn Error>> {
     for _ in 0..500 {
         let cards = fs::read_to_string("/proc/asound/cards")?;

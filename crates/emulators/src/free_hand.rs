@@ -1,12 +1,13 @@
-//! Sixteen independent joints without weight or contact: enough to run the emulator without a physics engine.
+//! Sixteen independent joints without weight or contact: enough to run the emulator without a
+//! physics engine.
 
 use etude_robot::allegro::{FULL_SCALE_PWM, JOINT_LIMITS_RAD, WIRE_JOINTS};
 
 /// Inertia at a joint, duty / (rad/s²). With the default gains a joint is damped a little more than
 /// critically.
 const INERTIA: f64 = 0.002;
-/// Damping at a joint, duty / (rad/s): the strongest joint at its limit of 0.5625 runs 7 rad/s (URDF in
-/// allegro_hand_ros2).
+/// Damping at a joint, duty / (rad/s): the strongest joint at its limit of 0.5625 runs 7 rad/s
+/// (URDF in allegro_hand_ros2).
 const DAMPING: f64 = 0.08;
 /// Longest step of the integration, s.
 const STEP_SECS: f64 = 0.0005;
@@ -53,8 +54,8 @@ impl FreeHand {
         self.positions
     }
 
-    /// Puts the joints at rest at these angles, cut to their limits; what is not a number leaves a joint
-    /// where it is.
+    /// Puts the joints at rest at these angles, cut to their limits; what is not a number leaves a
+    /// joint where it is.
     pub fn set_positions(&mut self, positions: &[f64; WIRE_JOINTS]) {
         for ((mine, &wanted), [lower, upper]) in
             self.positions.iter_mut().zip(positions).zip(JOINT_LIMITS_RAD)

@@ -1,8 +1,9 @@
 //! An emulated Allegro v4: answers frames as the real hand does.
 //!
-//! It streams with its own clock, which may run fast or slow, and holds the last torques. It has no joints: its owner (a
-//! physics world, or [`FreeHand`](crate::FreeHand)) moves them by [`pwm`](HandEmulator::pwm) and sets the positions. Where
-//! the behaviour of real firmware is not known (does servo off cut the torque, does torque time out), it is a setting.
+//! It streams with its own clock, which may run fast or slow, and holds the last torques. It has no
+//! joints: its owner (a physics world, or [`FreeHand`](crate::FreeHand)) moves them by
+//! [`pwm`](HandEmulator::pwm) and sets the positions. Where the behaviour of real firmware is not
+//! known (does servo off cut the torque, does torque time out), it is a setting.
 
 use std::time::Duration;
 
@@ -44,7 +45,8 @@ pub struct HandEmulatorConfig {
     pub noise_counts: u16,
     /// Seed of that noise.
     pub seed: u64,
-    /// Whether servo OFF cuts the torque and is reported. A hand whose OFF does nothing holds its torque.
+    /// Whether servo OFF cuts the torque and is reported. A hand whose OFF does nothing holds its
+    /// torque.
     pub off_cuts: bool,
     /// Torque is cut when no torque frame came for so long, s; with none it is held without limit.
     pub torque_timeout_secs: Option<f64>,
@@ -163,8 +165,8 @@ impl HandEmulator {
         self.positions = *positions;
     }
 
-    /// The PWM that drives each flat joint now: what was last sent, within the table; 0 when the servo is off, the torque has timed out,
-    /// or the motor is dead.
+    /// The PWM that drives each flat joint now: what was last sent, within the table; 0 when the
+    /// servo is off, the torque has timed out, or the motor is dead.
     pub fn pwm(&self) -> [i16; WIRE_JOINTS] {
         let age = self.clock.saturating_sub(self.torque_at).as_secs_f64();
         let timed_out = self.config.torque_timeout_secs.is_some_and(|timeout| age > timeout);

@@ -1,7 +1,7 @@
 //! An emulated keyboard: the same bytes as a real one, at the same speed.
 //!
-//! It is not documented how the Keystation codes releases and whether it sends active sensing, so both are settings, and
-//! the driver is tested with all of them.
+//! It is not documented how the Keystation codes releases and whether it sends active sensing, so
+//! both are settings, and the driver is tested with all of them.
 
 use std::{collections::VecDeque, time::Duration};
 
@@ -28,7 +28,8 @@ pub enum Line {
     /// Whole messages, at the next millisecond frame; USB packets have no running status.
     #[default]
     Usb,
-    /// A five-pin cable of 31,250 baud: 320 µs a byte, real-time bytes between the bytes of a message.
+    /// A five-pin cable of 31,250 baud: 320 µs a byte, real-time bytes between the bytes of a
+    /// message.
     Din,
 }
 
@@ -140,8 +141,8 @@ impl KeyboardEmulator {
         })
     }
 
-    /// A key (from the left, 0 to 48) goes down with a velocity of 1 to 127. Nothing happens if it is down
-    /// already.
+    /// A key (from the left, 0 to 48) goes down with a velocity of 1 to 127. Nothing happens if it
+    /// is down already.
     pub fn press(&mut self, now: Duration, key: usize, velocity: u8) {
         if let Some(down) = self.down.get_mut(key).filter(|down| self.plugged && !**down) {
             *down = true;
@@ -216,7 +217,8 @@ impl KeyboardEmulator {
         let queued = self.queue.front().map(|&(ready, byte)| (start(ready), Next::Queued(byte)));
         let sensing =
             self.sensing.map(|after| (start(self.line_free_at.saturating_add(after)), Next::Sensing));
-        // The first of those that start at the same time: real-time bytes go before the rest of a message.
+        // The first of those that start at the same time: real-time bytes go before the rest of a
+        // message.
         [clock, queued, sensing].into_iter().flatten().min_by_key(|&(start, _)| start)
     }
 

@@ -1,8 +1,9 @@
-//! Emulators of the robot's devices, which answer with the same bytes as the real ones; the servers that offer them to
-//! other processes; and the injection of faults. For tests and for the twin: no driver depends on this crate.
+//! Emulators of the robot's devices, which answer with the same bytes as the real ones; the servers
+//! that offer them to other processes; and the injection of faults. For tests and for the twin: no
+//! driver depends on this crate.
 //!
-//! An emulator is a state machine, like the drivers of `etude-robot`: it receives bytes or frames and the time, and returns
-//! bytes or frames.
+//! An emulator is a state machine, like the drivers of `etude-robot`: it receives bytes or frames
+//! and the time, and returns bytes or frames.
 //!
 //! | device | emulator | its other end |
 //! |---|---|---|

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 use etude_robot::keyboard::MidiError;
 
-/// Serves one driver at a time; others are refused while it is connected. Removes the socket's file when dropped.
+/// Serves one driver at a time; others are refused while it is connected. Removes the socket's file
+/// when dropped.
 #[derive(Debug)]
 pub struct MidiServer {
     path: PathBuf,
@@ -17,7 +18,8 @@ pub struct MidiServer {
 }
 
 impl MidiServer {
-    /// Listens at `path`. A socket left there by an emulator that has ended is replaced; one that is served is not.
+    /// Listens at `path`. A socket left there by an emulator that has ended is replaced; one that
+    /// is served is not.
     ///
     /// # Errors
     /// If the path cannot be used, or another emulator listens there.
@@ -37,8 +39,9 @@ impl MidiServer {
         Ok(Self { path: path.to_owned(), listener, driver: None })
     }
 
-    /// Sends bytes to the driver, if there is one: as with a real keyboard, nothing
-    /// depends on whether a driver is connected. A driver that is gone or does not read is disconnected. Never blocks.
+    /// Sends bytes to the driver, if there is one: as with a real keyboard, nothing depends on
+    /// whether a driver is connected. A driver that is gone or does not read is disconnected. Never
+    /// blocks.
     pub fn send(&mut self, bytes: &[u8]) {
         // A driver sends nothing: a read succeeds only after it has closed the socket.
         let is_lost = |driver: &mut UnixStream| {
@@ -77,7 +80,8 @@ mod tests {
 
     use super::*;
 
-    /// Reads until something is there; the other end has written already, so this is a matter of a moment.
+    /// Reads until something is there; the other end has written already, so this is a matter of a
+    /// moment.
     fn read(source: &mut dyn MidiSource, count: usize) -> Vec<u8> {
         let mut bytes = Vec::new();
         for _ in 0..2000 {

@@ -1,7 +1,8 @@
-//! A virtual bus: a CAN bus between processes over a Unix socket. Each frame of a client reaches all other clients.
+//! A virtual bus: a CAN bus between processes over a Unix socket. Each frame of a client reaches
+//! all other clients.
 //!
-//! A client that sends invalid records is dropped, because its stream is out of step: a torque must never be read from the
-//! middle of another record.
+//! A client that sends invalid records is dropped, because its stream is out of step: a torque must
+//! never be read from the middle of another record.
 
 use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -31,7 +32,9 @@ impl VirtualBus {
         // Another kind of file is never removed.
         if std::fs::symlink_metadata(&path).is_ok_and(|file| file.file_type().is_socket()) {
             if UnixStream::connect(&path).is_ok() {
-                return Err(open("another virtual bus is served there: stop it, or choose another path".to_owned()));
+                return Err(open(
+                    "another virtual bus is served there: stop it, or choose another path".to_owned(),
+                ));
             }
             std::fs::remove_file(&path).map_err(|error| open(format!("{error}: remove this old socket")))?;
         }
@@ -42,7 +45,8 @@ impl VirtualBus {
         Ok(Self { listener, clients: Vec::new(), path, off: false })
     }
 
-    /// Accepts new clients, passes on what has arrived, and drops clients that are gone. Never blocks.
+    /// Accepts new clients, passes on what has arrived, and drops clients that are gone. Never
+    /// blocks.
     pub fn poll(&mut self) {
         while self.clients.len() < MAX_CLIENTS {
             let Ok((stream, _)) = self.listener.accept() else { break };
@@ -72,7 +76,8 @@ impl VirtualBus {
         self.clients.retain_mut(VirtualBusLink::flush);
     }
 
-    /// Puts the bus into bus-off, or ends it. Every client receives an error frame; during bus-off no frame is passed on.
+    /// Puts the bus into bus-off, or ends it. Every client receives an error frame; during bus-off
+    /// no frame is passed on.
     pub fn set_off(&mut self, off: bool) {
         if self.off != off {
             self.off = off;

@@ -65,8 +65,8 @@ pub trait Guiding {
     fn is_guiding(&mut self) -> bool;
 }
 
-/// Lets an operator show a place: brings the arm up, frees it if it is to be led `by_hand`, and reads where it stands then. The arm is
-/// left standing, in state 4, which it has confirmed.
+/// Lets an operator show a place: brings the arm up, frees it if it is to be led `by_hand`, and
+/// reads where it stands then. The arm is left standing, in state 4, which it has confirmed.
 ///
 /// # Errors
 /// If the arm cannot be reached, stops itself, or does not confirm that it stands.
@@ -163,7 +163,8 @@ impl GuidedArm<'_> {
 }
 
 impl Drop for GuidedArm<'_> {
-    /// Always leaves the arm stopped, and never free or in servo mode without a program that commands it.
+    /// Always leaves the arm stopped, and never free or in servo mode without a program that
+    /// commands it.
     fn drop(&mut self) {
         self.bytes.clear();
         self.arm.stop(self.begun.elapsed(), &mut self.bytes);

@@ -1,13 +1,14 @@
-//! The order of joints: on the hand's wires, and in observations, actions and recordings. Stated here and nowhere else.
+//! The order of joints: on the hand's wires, and in observations, actions and recordings. Stated
+//! here and nowhere else.
 //!
 //! | driven joint | 0…3 | 4…7 | 8…11 | 12 |
 //! |---|---|---|---|---|
 //! | is | index finger | middle finger | ring finger | the rail, which the arm makes |
 //! | on the wire (4 · finger + joint) | 0…3 | 4…7 | 8…11 | none |
 //!
-//! Within a finger: rotation at the palm, proximal, medial, distal. Angles have the same sign for a left and a right hand
-//! (URDF in Wonik's `allegro_hand_ros2`). The wire's joints 12…15 are the thumb, which does not play. The simulator lists
-//! the joints in the order of the wire.
+//! Within a finger: rotation at the palm, proximal, medial, distal. Angles have the same sign for a
+//! left and a right hand (URDF in Wonik's `allegro_hand_ros2`). The wire's joints 12…15 are the
+//! thumb, which does not play. The simulator lists the joints in the order of the wire.
 
 use crate::allegro;
 

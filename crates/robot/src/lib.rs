@@ -1,9 +1,11 @@
-//! The robot: an Allegro hand on CAN, an xArm7 on TCP, a keyboard on MIDI, and what limits them. Their emulators are in `etude-emulators`.
+//! The robot: an Allegro hand on CAN, an xArm7 on TCP, a keyboard on MIDI, and what limits them.
+//! Their emulators are in `etude-emulators`.
 //!
-//! Drivers and controller are state machines without input or output of their own: they receive bytes or frames and the
-//! time, and return the bytes or frames to send. Time is a [`Duration`](std::time::Duration) since the start of the
-//! program, passed in by the caller, so that tests run faster than real time and the same inputs always give the same
-//! outputs. Sockets, serial ports and sound devices are thin shells around these machines.
+//! Drivers and controller are state machines without input or output of their own: they receive
+//! bytes or frames and the time, and return the bytes or frames to send. Time is a
+//! [`Duration`](std::time::Duration) since the start of the program, passed in by the caller, so
+//! that tests run faster than real time and the same inputs always give the same outputs. Sockets,
+//! serial ports and sound devices are thin shells around these machines.
 //!
 //! | module | what |
 //! |---|---|

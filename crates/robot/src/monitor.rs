@@ -1,4 +1,5 @@
-//! Watches the devices of a rig without changing anything: sends only requests that are always allowed.
+//! Watches the devices of a rig without changing anything: sends only requests that are always
+//! allowed.
 
 use std::time::Duration;
 
@@ -38,8 +39,8 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Opens the devices that are connected. Most keyboards have one reader: without `keyboard_too` the keyboard is left to
-    /// a controller.
+    /// Opens the devices that are connected. Most keyboards have one reader: without `keyboard_too`
+    /// the keyboard is left to a controller.
     ///
     /// # Errors
     /// If the keyboard's settings are not sound.

@@ -13,7 +13,8 @@ pub trait Pace {
     /// Polls the robot until the time is `until`; returns at once if it is later already.
     fn run_until(&mut self, robot: &mut Robot, until: Duration);
 
-    /// Does `work`, which may take long, while the robot is polled by the wall clock. For a twin in lockstep no time passes meanwhile.
+    /// Does `work`, which may take long, while the robot is polled by the wall clock. For a twin in
+    /// lockstep no time passes meanwhile.
     fn run_while(&mut self, robot: &mut Robot, work: &mut (dyn FnMut() + Send)) {
         let _ = robot;
         work();

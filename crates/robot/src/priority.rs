@@ -1,17 +1,21 @@
-//! Real-time priority: while a robot has power, the thread that controls it comes before other programs, and its memory is not swapped out.
+//! Real-time priority: while a robot has power, the thread that controls it comes before other
+//! programs, and its memory is not swapped out.
 //!
-//! Linux allows it to root, or within the limits `rtprio` and `memlock` of a user (`/etc/security/limits.conf`, `man limits.conf`).
+//! Linux allows it to root, or within the limits `rtprio` and `memlock` of a user
+//! (`/etc/security/limits.conf`, `man limits.conf`).
 
 use std::io::Result;
 
-/// Real-time priority of one thread, until it is dropped. Threads and processes that this thread starts do not inherit it.
+/// Real-time priority of one thread, until it is dropped. Threads and processes that this thread
+/// starts do not inherit it.
 #[derive(Debug)]
 pub struct Priority(system::Raised);
 
 /// Where a thread stands among those with real-time priority.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rank {
-    /// What the controller waits for, and must not be held up by: the policy, the simulation beside the robot, the recording.
+    /// What the controller waits for, and must not be held up by: the policy, the simulation beside
+    /// the robot, the recording.
     Worker = 49,
     /// The controller, and a twin that stands in for hardware.
     Controller = 50,
@@ -20,7 +24,8 @@ pub enum Rank {
 }
 
 impl Priority {
-    /// Gives it to this thread, and, except for a worker, locks the memory of this process where that cannot make a later allocation fail.
+    /// Gives it to this thread, and, except for a worker, locks the memory of this process where
+    /// that cannot make a later allocation fail.
     ///
     /// # Errors
     /// If the system does not permit it.
@@ -58,7 +63,8 @@ mod system {
     /// Whether memory may be locked without a limit, beyond which allocations would fail.
     fn unlimited() -> bool {
         let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
-        // SAFETY: the pointer is that of a whole structure, which the call fills; the other call takes nothing.
+        // SAFETY: the pointer is that of a whole structure, which the call fills; the other call
+        // takes nothing.
         let [read, user] =
             unsafe { [libc::getrlimit(libc::RLIMIT_MEMLOCK, &raw mut limit), libc::geteuid() as i32] };
         user == 0 || (read == 0 && limit.rlim_cur == libc::RLIM_INFINITY)
@@ -106,10 +112,12 @@ mod system {
 mod tests {
     use super::*;
 
-    /// Fields 40 and 41 of `/proc/thread-self/stat` (`man proc_pid_stat`): the priority, and the policy, of which 1 is SCHED_FIFO.
+    /// Fields 40 and 41 of `/proc/thread-self/stat` (`man proc_pid_stat`): the priority, and the
+    /// policy, of which 1 is SCHED_FIFO.
     fn scheduled() -> [i32; 2] {
         let stat = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
-        // The name, which may hold spaces, ends with the last bracket; the third field comes after it.
+        // The name, which may hold spaces, ends with the last bracket; the third field comes after
+        // it.
         let (_, rest) = stat.rsplit_once(") ").unwrap();
         let mut fields = rest.split_whitespace().skip(40 - 3);
         std::array::from_fn(|_| fields.next().unwrap().parse().unwrap())

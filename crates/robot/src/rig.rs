@@ -47,16 +47,19 @@ pub struct RigConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct WiresConfig {
-    /// The hand's bus: an interface such as `can0`, `slcan:/dev/ttyUSB0`, or `bus:SOCKET` of another process.
+    /// The hand's bus: an interface such as `can0`, `slcan:/dev/ttyUSB0`, or `bus:SOCKET` of
+    /// another process.
     pub can: String,
     /// The arm's address.
     pub arm: String,
-    /// The keyboard: `alsa:NAME` (part of the port's name), `raw:DEVICE`, or `midi:SOCKET` of another process.
+    /// The keyboard: `alsa:NAME` (part of the port's name), `raw:DEVICE`, or `midi:SOCKET` of
+    /// another process.
     pub midi: String,
 }
 
 impl Default for WiresConfig {
-    /// As the devices come: the first CAN interface, the arm's address after a reset, the keyboard by its name.
+    /// As the devices come: the first CAN interface, the arm's address after a reset, the keyboard
+    /// by its name.
     fn default() -> Self {
         Self { can: "can0".into(), arm: "192.168.1.111".into(), midi: "alsa:Keystation".into() }
     }
@@ -64,8 +67,9 @@ impl Default for WiresConfig {
 
 /// Limits of joints and rail, and of the calibration's age. Fingers: rad and s. Rail: m and s.
 ///
-/// No limit can be set above what the devices allow. Servo mode, in which the arm makes the rail, has no documented jerk
-/// limit; the arm's planned moves use 100 m/s³ at the flange at most (xArm user manual).
+/// No limit can be set above what the devices allow. Servo mode, in which the arm makes the rail,
+/// has no documented jerk limit; the arm's planned moves use 100 m/s³ at the flange at most (xArm
+/// user manual).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitsConfig {
@@ -83,7 +87,8 @@ pub struct LimitsConfig {
     pub rail_acceleration: f64,
     /// Largest jerk, m/s³.
     pub rail_jerk: f64,
-    /// The same while a key sounds or a fingertip is as low as between two fences, m/s: it is not dragged against them faster.
+    /// The same while a key sounds or a fingertip is as low as between two fences, m/s: it is not
+    /// dragged against them faster.
     pub key_down_rail_velocity: f64,
     /// Where the thumb stays, rad.
     pub thumb_rad: [f64; 4],
@@ -106,7 +111,8 @@ impl Default for LimitsConfig {
         Self {
             // The highest speed that allegro_hand_ros_v4 names.
             finger_velocity: 13.0,
-            // From rest to that in 6.5 ms, two periods of the hand. The torque clamp bounds the fingers before this does.
+            // From rest to that in 6.5 ms, two periods of the hand. The torque clamp bounds the
+            // fingers before this does.
             finger_acceleration: 2000.0,
             // All of it within one set-point.
             finger_jerk: 400_000.0,
@@ -115,7 +121,8 @@ impl Default for LimitsConfig {
             rail_velocity: 0.8,
             // The arm's 1145 °/s² over the 2.57 rad that joint 4 turns a metre.
             rail_acceleration: 7.5,
-            // The full acceleration in one set-point, as the arm itself would take it in servo mode.
+            // The full acceleration in one set-point, as the arm itself would take it in servo
+            // mode.
             rail_jerk: 1500.0,
             // A judgement: what the paper's fences bear is not published.
             key_down_rail_velocity: 0.42,
@@ -125,9 +132,9 @@ impl Default for LimitsConfig {
             start_rail_m: 0.01,
             // Three control steps.
             stale_command_secs: 0.15,
-            // Three times where the joint loop already pushes as hard as it may (675 of 3600 PWM a rad). Policies
-            // press by asking for far below a key: 1.2 rad for as long as a note is held, and no note of the songs is
-            // held for five seconds.
+            // Three times where the joint loop already pushes as hard as it may (675 of 3600 PWM a
+            // rad). Policies press by asking for far below a key: 1.2 rad for as long as a note is
+            // held, and no note of the songs is held for five seconds.
             following_rad: 0.6,
             following_secs: 5.0,
             calibration_days: 7,
@@ -147,7 +154,8 @@ impl LimitsConfig {
             ("rail_velocity", self.rail_velocity, 1.0),
             // As fast as the rail.
             ("key_down_rail_velocity", self.key_down_rail_velocity, 1.0),
-            // 1145 °/s² is 7.8 m/s² where joint 4 turns most for it; in servo mode the controller does not look.
+            // 1145 °/s² is 7.8 m/s² where joint 4 turns most for it; in servo mode the controller
+            // does not look.
             ("rail_acceleration", self.rail_acceleration, 14.0),
             // Nearly all of that, from one way to the other, within one set-point.
             ("rail_jerk", self.rail_jerk, 5000.0),
@@ -188,10 +196,12 @@ pub enum RigError {
 }
 
 impl RigConfig {
-    /// Reads and checks a rig's file. The path of the calibration becomes one from the working folder.
+    /// Reads and checks a rig's file. The path of the calibration becomes one from the working
+    /// folder.
     ///
     /// # Errors
-    /// If the file cannot be read, names something unknown, or asks for what the devices cannot bear.
+    /// If the file cannot be read, names something unknown, or asks for what the devices cannot
+    /// bear.
     pub fn load(path: &Path) -> Result<Self, RigError> {
         let read = |message: String| RigError::Read { path: path.to_path_buf(), message };
         let text = std::fs::read_to_string(path).map_err(|error| read(error.to_string()))?;

@@ -1,8 +1,9 @@
 //! Stops a robot from outside its controller: from another terminal, or from the guard process.
 //!
-//! It opens its own connections, and neither device waits for the other. The hand is released (zero torque three times, servo
-//! off), which its information reply confirms; the arm is put into state 4, which is read back. No protocol can stop a hand whose
-//! cable is out (it holds its last torque), or an arm whose network is out. Both cases need the hardware stop, which must be within
+//! It opens its own connections, and neither device waits for the other. The hand is released (zero
+//! torque three times, servo off), which its information reply confirms; the arm is put into state
+//! 4, which is read back. No protocol can stop a hand whose cable is out (it holds its last
+//! torque), or an arm whose network is out. Both cases need the hardware stop, which must be within
 //! the operator's reach.
 
 use std::time::{Duration, Instant};
@@ -40,7 +41,8 @@ impl Stopped {
     }
 }
 
-/// Stops hand and arm of a rig at the same time: neither waits for the other, nor keeps it from being stopped.
+/// Stops hand and arm of a rig at the same time: neither waits for the other, nor keeps it from
+/// being stopped.
 pub fn stop(config: &RigConfig) -> Stopped {
     std::thread::scope(|scope| {
         let arm = scope.spawn(|| {
@@ -58,7 +60,8 @@ fn stop_hand(config: &RigConfig) -> Result<(), String> {
     let spec = &config.wires.can;
     let hand = Hand::new(&config.hand).map_err(|error| error.to_string())?;
     let release = |bus: &mut dyn CanTransport| {
-        // Twice: a controller that is starting may switch the servo on once more, until it has seen the request to stop.
+        // Twice: a controller that is starting may switch the servo on once more, until it has seen
+        // the request to stop.
         Ok(lets_go(bus, hand.clone())? && {
             std::thread::sleep(CONTROLLER);
             lets_go(bus, hand.clone())?

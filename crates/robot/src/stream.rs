@@ -1,9 +1,10 @@
-//! Streams that do not block, for drivers and emulators: reads what has come, and keeps what does not fit for later.
+//! Streams that do not block, for drivers and emulators: reads what has come, and keeps what does
+//! not fit for later.
 
 use std::io::{self, ErrorKind, Read, Write};
 
-/// Largest number of pieces that [`read_available`] reads in one call: a device that sends without end must not hold up
-/// the control loop.
+/// Largest number of pieces that [`read_available`] reads in one call: a device that sends without
+/// end must not hold up the control loop.
 const MAX_PIECES: usize = 16;
 /// Largest piece, bytes.
 const PIECE: usize = 2048;

@@ -1,8 +1,10 @@
-//! Play between a motor and its joint: a torque that turns round has an effect only when the motor has crossed the play.
+//! Play between a motor and its joint: a torque that turns round has an effect only when the motor
+//! has crossed the play.
 //!
-//! The motor is at one flank of the play and its torque passes to the joint, or it is on its way and turns alone. It meets the other
-//! flank without a rebound; what it brings along is passed on as one push. The joint keeps the motor's inertia and the dry friction
-//! while the motor crosses, so a joint that is let go is heavier here than a real one.
+//! The motor is at one flank of the play and its torque passes to the joint, or it is on its way
+//! and turns alone. It meets the other flank without a rebound; what it brings along is passed on
+//! as one push. The joint keeps the motor's inertia and the dry friction while the motor crosses,
+//! so a joint that is let go is heavier here than a real one.
 
 use etude_stage::params::JointRow;
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams};
@@ -34,7 +36,8 @@ impl Backlash {
         }
     }
 
-    /// The torque that reaches a joint that turns at `speed` (rad/s) in one [`STEP`], N·m. `motor` is the motor's torque at a speed.
+    /// The torque that reaches a joint that turns at `speed` (rad/s) in one [`STEP`], N·m. `motor`
+    /// is the motor's torque at a speed.
     pub(crate) fn pass(&mut self, joint: usize, motor: impl Fn(f64) -> f64, speed: f64) -> f64 {
         let (ahead, turning) = match self.places[joint] {
             _ if self.half == 0.0 => return motor(speed),

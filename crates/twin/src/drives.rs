@@ -1,7 +1,8 @@
-//! The hand between its wires and its links: what a duty does to a joint, and what an encoder makes of an angle.
+//! The hand between its wires and its links: what a duty does to a joint, and what an encoder makes
+//! of an angle.
 //!
-//! Here play is between encoder and link: a link that turns back has turned through the play before the encoder follows. The play
-//! that a motor's torque has to cross is in `play`.
+//! Here play is between encoder and link: a link that turns back has turned through the play before
+//! the encoder follows. The play that a motor's torque has to cross is in `play`.
 
 use etude_robot::allegro::{self, FULL_SCALE_PWM};
 use etude_robot::joints::HAND_DRIVEN_JOINTS;
@@ -10,15 +11,16 @@ use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL};
 
 use crate::numbers::{FINGER, HandParams, STEP};
 
-/// Speed at which a joint has mostly broken loose from the friction that held it, rad/s: our choice, slower than any
-/// key is struck.
+/// Speed at which a joint has mostly broken loose from the friction that held it, rad/s: our
+/// choice, slower than any key is struck.
 const BROKEN_LOOSE_RAD_PER_SEC: f64 = 0.05;
 
 /// The drives of the fingers.
 pub(crate) struct Drives {
     full_torque_nm: [f64; FINGER],
     dead_pwm: f64,
-    /// Torque that the motor's own voltage takes away, as a share of the full torque for each rad/s.
+    /// Torque that the motor's own voltage takes away, as a share of the full torque for each
+    /// rad/s.
     lost_per_speed: f64,
     friction: [f64; DRIVEN_JOINTS],
     friction_at_rest: f64,
@@ -35,7 +37,8 @@ impl Drives {
         }
     }
 
-    /// Torque of the motor of flat joint `joint` (any but the thumb's) under this duty when it turns at `speed`, rad/s, N·m.
+    /// Torque of the motor of flat joint `joint` (any but the thumb's) under this duty when it
+    /// turns at `speed`, rad/s, N·m.
     pub(crate) fn torque(&self, joint: usize, pwm: &[i16; allegro::WIRE_JOINTS], speed: f64) -> f64 {
         let pwm = f64::from(pwm.get(joint).copied().unwrap_or_default());
         let beyond = (pwm.abs() - self.dead_pwm).max(0.0).copysign(pwm);
@@ -43,7 +46,8 @@ impl Drives {
         share * self.full_torque_nm[joint % FINGER]
     }
 
-    /// Dry friction of the joints at these speeds (rad/s), N·m, the rail's in N: greatest at rest (Stribeck's curve).
+    /// Dry friction of the joints at these speeds (rad/s), N·m, the rail's in N: greatest at rest
+    /// (Stribeck's curve).
     pub(crate) fn friction(&self, velocities: &[f64; DRIVEN_JOINTS]) -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| {
             let hold = match joint {
@@ -74,7 +78,8 @@ impl Encoders {
         }
     }
 
-    /// What they read one [`STEP`] later, now that the links are at `joints` (rad). The rail has none.
+    /// What they read one [`STEP`] later, now that the links are at `joints` (rad). The rail has
+    /// none.
     pub(crate) fn read(&mut self, joints: &[f64; DRIVEN_JOINTS]) -> [f64; DRIVEN_JOINTS] {
         let links: [f64; HAND_DRIVEN_JOINTS] = std::array::from_fn(|joint| joints[joint]);
         let (drives, filtered) = self.state.get_or_insert((links, links));

@@ -1,7 +1,9 @@
-//! Keys with two contacts, as a real keyboard's. The first closes early in a key's travel, the second deeper.
+//! Keys with two contacts, as a real keyboard's. The first closes early in a key's travel, the
+//! second deeper.
 //!
-//! A key sounds when its second contact closes; the sooner that comes after the first, the louder. It stops sounding when its
-//! first contact opens again; only then can it sound again. The contacts are sampled once a millisecond.
+//! A key sounds when its second contact closes; the sooner that comes after the first, the louder.
+//! It stops sounding when its first contact opens again; only then can it sound again. The contacts
+//! are sampled once a millisecond.
 
 use std::time::Duration;
 

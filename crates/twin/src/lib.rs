@@ -1,9 +1,9 @@
-//! The twin: an emulated robot. Its devices are those of `etude-emulators`, which use the same bytes as the real ones. They
-//! are moved by a MuJoCo world with its own [`TwinParams`], which has shorter steps than the simulator and is hidden from the
-//! controller.
+//! The twin: an emulated robot. Its devices are those of `etude-emulators`, which use the same
+//! bytes as the real ones. They are moved by a MuJoCo world with its own [`TwinParams`], which has
+//! shorter steps than the simulator and is hidden from the controller.
 //!
-//! [`Lockstep`] lets a controller and a twin run against each other without sockets or clocks; [`TwinServer`] puts a twin
-//! on sockets, by the wall clock.
+//! [`Lockstep`] lets a controller and a twin run against each other without sockets or clocks;
+//! [`TwinServer`] puts a twin on sockets, by the wall clock.
 
 mod backlash;
 mod drives;

@@ -1,5 +1,5 @@
-//! A controller and a twin in lockstep: no sockets and no clock, so hours pass in minutes and the same policy, parameter set and
-//! seed give the same recording, byte for byte.
+//! A controller and a twin in lockstep: no sockets and no clock, so hours pass in minutes and the
+//! same policy, parameter set and seed give the same recording, byte for byte.
 
 use std::time::Duration;
 
@@ -61,7 +61,8 @@ impl Links {
 }
 
 impl Lockstep {
-    /// Connects a twin by the links of its parameters. Delays of less than a step of the twin, a millisecond, are one.
+    /// Connects a twin by the links of its parameters. Delays of less than a step of the twin, a
+    /// millisecond, are one.
     ///
     /// # Errors
     /// If the faults of the links are not valid.
@@ -97,7 +98,8 @@ impl Lockstep {
         self.wires.faults.has(fault)
     }
 
-    /// One step of the twin without its controller: delivers what has arrived to its devices, and sends their answers.
+    /// One step of the twin without its controller: delivers what has arrived to its devices, and
+    /// sends their answers.
     pub fn step(&mut self) {
         let now = self.wires.now + STEP;
         self.bytes.clear();

@@ -1,4 +1,5 @@
-//! Where an arm really holds its hand: it sags, and its kinematics are not quite those that its controller computes with.
+//! Where an arm really holds its hand: it sags, and its kinematics are not quite those that its
+//! controller computes with.
 //!
 //! Both are what remains after the keyboard was shown to the arm at its ends and in its middle.
 
@@ -27,7 +28,8 @@ impl Mount {
         }
     }
 
-    /// Offset of the hand at this place on the rail (m) toward the player, toward the high notes and up, m. None if there never is one.
+    /// Offset of the hand at this place on the rail (m) toward the player, toward the high notes
+    /// and up, m. None if there never is one.
     pub(crate) fn offset(&self, rail: f64) -> Option<[f64; 3]> {
         if self.sag_m == 0.0 && self.error_m == 0.0 {
             return None;

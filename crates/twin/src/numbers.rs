@@ -1,4 +1,5 @@
-//! The numbers of a [`TwinParams`](crate::TwinParams): what may stand in its file. They do not leave this crate.
+//! The numbers of a [`TwinParams`](crate::TwinParams): what may stand in its file. They do not
+//! leave this crate.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -17,7 +18,8 @@ use crate::error::TwinParamsError;
 pub const STEP: Duration = Duration::from_millis(1);
 /// Joints of a finger.
 pub(crate) const FINGER: usize = 4;
-/// How far apart the two contacts of a key are at least, and the second from the stop, as a share of its travel.
+/// How far apart the two contacts of a key are at least, and the second from the stop, as a share
+/// of its travel.
 const CONTACT_GAP: f64 = 0.02;
 
 /// One parameter set, one TOML file.
@@ -26,7 +28,8 @@ const CONTACT_GAP: f64 = 0.02;
 pub(crate) struct Numbers {
     /// Its name.
     pub(crate) name: String,
-    /// Seed of how its keys differ, and with what is added to it for a run, of encoder noise and faulty links.
+    /// Seed of how its keys differ, and with what is added to it for a run, of encoder noise and
+    /// faulty links.
     pub(crate) seed: u64,
     /// Physical numbers of its world other than the defaults, by path.
     pub(crate) physics: BTreeMap<String, f64>,
@@ -55,8 +58,8 @@ pub(crate) struct WorldParams {
     pub(crate) integrator: Integrator,
     /// Shape of friction: `pyramidal`, or the simulator's `elliptic`.
     pub(crate) cone: Cone,
-    /// Turn of the keyboard about its middle, counter-clockwise from above, rad. Its place and height are physical
-    /// numbers: `keyboard.depth`, `keyboard.lateral`, `keyboard.height`.
+    /// Turn of the keyboard about its middle, counter-clockwise from above, rad. Its place and
+    /// height are physical numbers: `keyboard.depth`, `keyboard.lateral`, `keyboard.height`.
     pub(crate) keyboard_yaw_rad: f64,
     /// Whether the hand has a weight. Without one, the twin's rig has no feed-forward against it.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -82,15 +85,17 @@ pub(crate) struct HandParams {
     pub(crate) full_torque_nm: [f64; FINGER],
     /// Duty that moves nothing, in counts of PWM; more of it counts from there.
     pub(crate) dead_pwm: u16,
-    /// Speed at full duty of a joint that nothing holds, rad/s: the motor's own voltage takes the torque away as it turns. Without it
-    /// the torque does not depend on the speed.
+    /// Speed at full duty of a joint that nothing holds, rad/s: the motor's own voltage takes the
+    /// torque away as it turns. Without it the torque does not depend on the speed.
     pub(crate) no_load_rad_per_sec: Option<f64>,
-    /// Dry friction of a finger's joint at rest, as a multiple of that on its way (`joint.*.friction`).
+    /// Dry friction of a finger's joint at rest, as a multiple of that on its way
+    /// (`joint.*.friction`).
     pub(crate) friction_at_rest: f64,
-    /// Play between a joint's encoder and its link, rad: so far the link turns back before the encoder follows.
+    /// Play between a joint's encoder and its link, rad: so far the link turns back before the
+    /// encoder follows.
     pub(crate) encoder_backlash_rad: f64,
-    /// Play between a motor and its joint, rad: so far the motor turns without the joint before its torque has an effect. The encoder
-    /// is on the joint's side of it.
+    /// Play between a motor and its joint, rad: so far the motor turns without the joint before its
+    /// torque has an effect. The encoder is on the joint's side of it.
     pub(crate) motor_backlash_rad: f64,
     /// Time constant of the hand's own filter on its positions, s; 0 is none.
     pub(crate) filter_secs: f64,
@@ -98,7 +103,8 @@ pub(crate) struct HandParams {
     pub(crate) noise_counts: u16,
     /// The hand's clock runs this much faster than the host's, as a share.
     pub(crate) clock_skew: f64,
-    /// Torque is cut when no torque frame came for so long, s; with none it is held without limit, as is to be expected.
+    /// Torque is cut when no torque frame came for so long, s; with none it is held without limit,
+    /// as is to be expected.
     pub(crate) torque_timeout_secs: Option<f64>,
 }
 
@@ -127,15 +133,18 @@ pub(crate) struct ArmParams {
     pub(crate) delay_secs: f64,
     /// How fast the joints close in on a servo target, Hz.
     pub(crate) bandwidth_hz: f64,
-    /// With it the joints follow as a mass on a spring of that frequency with this damping ratio, and overshoot below 1.
+    /// With it the joints follow as a mass on a spring of that frequency with this damping ratio,
+    /// and overshoot below 1.
     pub(crate) damping_ratio: Option<f64>,
     /// Stiffness of the hand's place along the keyboard, N/m.
     pub(crate) stiffness: f64,
     /// Damping of it, N·s/m.
     pub(crate) damping: f64,
-    /// How the hand is turned on the arm, rad: about the axis toward the player, and about the keyboard's length.
+    /// How the hand is turned on the arm, rad: about the axis toward the player, and about the
+    /// keyboard's length.
     pub(crate) tilt_rad: [f64; 2],
-    /// How much lower the hand hangs at the ends of the keyboard than in its middle, m: the farther the arm reaches, the more it bends.
+    /// How much lower the hand hangs at the ends of the keyboard than in its middle, m: the farther
+    /// the arm reaches, the more it bends.
     pub(crate) sag_m: f64,
     /// Kinematic error: how far the hand is off its place at most in each of three directions, m.
     pub(crate) error_m: f64,
@@ -159,8 +168,8 @@ impl Default for ArmParams {
     }
 }
 
-/// The parameter set of the keys, in addition to their physical numbers. Each has two contacts: the second is at the physical
-/// `key.threshold`.
+/// The parameter set of the keys, in addition to their physical numbers. Each has two contacts: the
+/// second is at the physical `key.threshold`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct KeyParams {

@@ -1,4 +1,5 @@
-//! The parameter set of a twin: the physical numbers of its world, its drives and its links, hidden from the controller.
+//! The parameter set of a twin: the physical numbers of its world, its drives and its links, hidden
+//! from the controller.
 //!
 //! A [`TwinParams`] cannot be read outside this crate: it has a name and can be passed to a twin.
 
@@ -70,7 +71,8 @@ impl TwinParams {
         BUILT_IN.iter().map(|(name, _)| *name).collect()
     }
 
-    /// The parameter set in this TOML text; what it leaves out has default values, those of a robot without wear.
+    /// The parameter set in this TOML text; what it leaves out has default values, those of a robot
+    /// without wear.
     ///
     /// # Errors
     /// If it is not sound.
@@ -104,7 +106,8 @@ impl TwinParams {
         Ok(self)
     }
 
-    /// A rig for a twin with this parameter set: the default one, and without a feed-forward against gravity if its hand has no weight.
+    /// A rig for a twin with this parameter set: the default one, and without a feed-forward
+    /// against gravity if its hand has no weight.
     pub fn rig(&self) -> RigConfig {
         self.fitting(RigConfig { name: "twin".to_string(), ..RigConfig::default() })
     }
@@ -122,13 +125,15 @@ impl TwinParams {
         &self.numbers.name
     }
 
-    /// A number that differs between parameter sets of different content. It reveals nothing of the content.
+    /// A number that differs between parameter sets of different content. It reveals nothing of the
+    /// content.
     pub fn fingerprint(&self) -> u32 {
         let text = toml::to_string(&self.numbers).expect("twin parameters are made of TOML values");
         crc32c::crc32c(text.as_bytes())
     }
 
-    /// The same twin in another run: its noise and its links use another seed; its keys and everything else stay the same.
+    /// The same twin in another run: its noise and its links use another seed; its keys and
+    /// everything else stay the same.
     #[must_use]
     pub fn with_seed_added(&self, run: u64) -> Self {
         Self { run: self.run.wrapping_add(run), ..self.clone() }
@@ -170,7 +175,8 @@ mod tests {
         assert!(missing.contains("nowhere.toml") && missing.contains("standard"), "{missing}");
     }
 
-    /// The table of the design: each of these is what makes a twin's world another than the simulator's.
+    /// The table of the design: each of these is what makes a twin's world another than the
+    /// simulator's.
     #[test]
     fn the_standard_parameter_set_leaves_nothing_ideal() {
         for name in ["standard", "worn"] {

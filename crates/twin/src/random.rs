@@ -1,6 +1,8 @@
-//! Parameter sets that are drawn: `random:SEED` is a rig somewhere between a careful lab's and a worn one, so that nobody tunes to a few files.
+//! Parameter sets that are drawn: `random:SEED` is a rig somewhere between a careful lab's and a
+//! worn one, so that nobody tunes to a few files.
 //!
-//! [`RANGES`] is the one list of what a number may be. The parameter sets `standard` and `worn` lie within it too.
+//! [`RANGES`] is the one list of what a number may be. The parameter sets `standard` and `worn` lie
+//! within it too.
 
 use etude_robot::allegro::FULL_SCALE_PWM;
 use etude_stage::params::Slot;
@@ -16,7 +18,8 @@ pub(crate) const RANDOM: &str = "random:";
 /// What one number of a parameter set may be.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Range {
-    /// Where it stands in a file of twin parameters, or the path of a physical number; `J` is each finger joint on its own.
+    /// Where it stands in a file of twin parameters, or the path of a physical number; `J` is each
+    /// finger joint on its own.
     pub(crate) path: &'static str,
     /// Its least and its greatest size.
     pub(crate) sizes: [f64; 2],
@@ -34,7 +37,8 @@ const fn either(path: &'static str, sizes: [f64; 2]) -> Range {
     Range { path, sizes, count: 1, either_sign: true }
 }
 
-/// The ranges. docs/twin.md has the same rows with units and sources. New rows go to the end: the place in the list is part of a draw.
+/// The ranges. docs/twin.md has the same rows with units and sources. New rows go to the end: the
+/// place in the list is part of a draw.
 pub(crate) const RANGES: &[Range] = &[
     range("hand.no_load_rad_per_sec", [7.0, 13.0]),
     Range { count: FINGER, ..range("hand.full_torque_nm", [0.7, 1.0]) },
@@ -81,7 +85,8 @@ pub(crate) const RANGES: &[Range] = &[
     DEAD_BAND,
 ];
 
-/// Duty below which a joint at rest does not move, in counts of PWM: what its dry friction follows from.
+/// Duty below which a joint at rest does not move, in counts of PWM: what its dry friction follows
+/// from.
 const DEAD_BAND: Range = range("joint.J.dead_band", [20.0, 60.0]);
 
 /// The seed in the name of a parameter set that is drawn; none if it is another name.

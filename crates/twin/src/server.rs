@@ -1,9 +1,10 @@
-//! A twin on sockets, by the wall clock: what `etude twin` runs, and what a controller in another process plays on as if
-//! it were a rig.
+//! A twin on sockets, by the wall clock: what `etude twin` runs, and what a controller in another
+//! process plays on as if it were a rig.
 //!
-//! In its folder lie the sockets of the hand's bus and of the keyboard, the rig's file and its calibration. The arm
-//! listens on free ports of this machine. Faults of the arm's link (`[links.arm]`) are for [`Lockstep`] only; those that
-//! are ordered for a time (`[[faults]]`) happen here as there.
+//! In its folder lie the sockets of the hand's bus and of the keyboard, the rig's file and its
+//! calibration. The arm listens on free ports of this machine. Faults of the arm's link
+//! (`[links.arm]`) are for [`Lockstep`] only; those that are ordered for a time (`[[faults]]`)
+//! happen here as there.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
@@ -27,9 +28,11 @@ use crate::twin::{Twin, TwinError, calibration};
 
 /// Name of the rig and of its file.
 const RIG: &str = "twin";
-/// Longest delay of a twin that shares its machine with other programs, s; a real hand has no such delays.
+/// Longest delay of a twin that shares its machine with other programs, s; a real hand has no such
+/// delays.
 const HELD_UP_SECS: f64 = 0.05;
-/// Longest time that is made up for after the machine was busy; the rest is lost, as if the world had stood still.
+/// Longest time that is made up for after the machine was busy; the rest is lost, as if the world
+/// had stood still.
 const CATCH_UP: Duration = Duration::from_millis(50);
 
 /// A twin could not be served.
@@ -72,7 +75,8 @@ pub struct TwinServer {
 }
 
 impl TwinServer {
-    /// Opens the sockets of a twin in `folder` and writes the files by which it is found. `ports` are those of the arm.
+    /// Opens the sockets of a twin in `folder` and writes the files by which it is found. `ports`
+    /// are those of the arm.
     ///
     /// # Errors
     /// If the parameter set is not sound, or the folder or a port cannot be used.

@@ -1,4 +1,5 @@
-//! The twin: emulators of hand, arm and keyboard, moved by a separate world in steps of a millisecond.
+//! The twin: emulators of hand, arm and keyboard, moved by a separate world in steps of a
+//! millisecond.
 //!
 //! ```text
 //! CAN ◄──► HandEmulator ─ duty ──► Drives ──►┌───────┐─ key travel ─► Keys ─► KeyboardEmulator ──► MIDI
@@ -6,8 +7,8 @@
 //! TCP ◄──► ArmEmulator ─ place on the rail ─►└───────┘
 //! ```
 //!
-//! What it leaves out: the thumb moves freely; the keys exert no forces on the arm's joints, and the arm gives way along the keyboard
-//! only.
+//! What it leaves out: the thumb moves freely; the keys exert no forces on the arm's joints, and
+//! the arm gives way along the keyboard only.
 
 use std::time::Duration;
 
@@ -31,7 +32,8 @@ use crate::mount::Mount;
 use crate::numbers::STEP;
 use crate::params::TwinParams;
 
-/// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (lasr-lab/learning-to-play-piano).
+/// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3
+/// (lasr-lab/learning-to-play-piano).
 const MIDDLE_MM: [f64; 3] = [485.0, -2.83, 170.51];
 const ORIENTATION_DEG: [f64; 3] = [-90.0, 225.0, -90.0];
 /// An arm that is no farther from its path along the keys is at them, m.
@@ -207,8 +209,8 @@ impl Twin {
     }
 }
 
-/// How high a hand is held whose arm is off its path along the keys, m: the world's hand moves along the keys and up only, so any distance
-/// counts as height.
+/// How high a hand is held whose arm is off its path along the keys, m: the world's hand moves
+/// along the keys and up only, so any distance counts as height.
 fn lift(place: &RailPlace) -> f64 {
     (place.beside_m - AT_THE_KEYS_M).max(0.0)
 }

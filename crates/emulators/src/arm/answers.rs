@@ -1,4 +1,5 @@
-//! The effect of each register of the emulated controller, and its reply (ufactory_docs, registers).
+//! The effect of each register of the emulated controller, and its reply (ufactory_docs,
+//! registers).
 
 use super::emulator::{ALL, ArmEmulator};
 use super::motion::MAX_SPEED;
@@ -11,16 +12,16 @@ use etude_robot::xarm::kinematics::{ARM_JOINTS, WIDEST_LIMITS_RAD};
 
 /// Rounding of a limit to a 32-bit float.
 const ROUNDING: f64 = 1e-6;
-/// A servo target for which a joint needs longer than this at full speed is an error, s. The manual forbids far
-/// targets without saying what happens: this is our guess.
+/// A servo target for which a joint needs longer than this at full speed is an error, s. The manual
+/// forbids far targets without saying what happens: this is our guess.
 const FAR_SECS: f64 = 0.1;
 /// Moves in the queue at most.
 const MAX_QUEUE: usize = 256;
 /// Room that the version and the serial numbers take.
 const TEXT: usize = 40;
 
-/// Bytes that the official client takes out of the reply of a register, whether or not it was obeyed: a refusal has as many
-/// zeros. What a real controller sends with a refusal is not known.
+/// Bytes that the official client takes out of the reply of a register, whether or not it was
+/// obeyed: a refusal has as many zeros. What a real controller sends with a refusal is not known.
 const READ: [(u8, usize); 20] = [
     (43, 28),
     (44, 24),
@@ -198,7 +199,8 @@ impl ArmEmulator {
         Some(Answer::Done(reply))
     }
 
-    /// A limit of planned moves waits for its turn as they do. `None` beyond the range in the xArm user manual.
+    /// A limit of planned moves waits for its turn as they do. `None` beyond the range in the xArm
+    /// user manual.
     fn limit(&mut self, register: Register, params: &[u8]) -> Option<Answer> {
         let [value] = floats::<1>(params)?;
         let (limit, most) = match register {
@@ -218,8 +220,9 @@ impl ArmEmulator {
         Some(Answer::Done(self.queue_length().into()))
     }
 
-    /// Settings of the reduced mode, in the order of the report from its byte 495 on (ufactory_docs): whether it is on, the
-    /// box, speeds, ranges of the joints, whether the box is watched, and rebound.
+    /// Settings of the reduced mode, in the order of the report from its byte 495 on
+    /// (ufactory_docs): whether it is on, the box, speeds, ranges of the joints, whether the box is
+    /// watched, and rebound.
     pub(super) fn reduced_mode(&self) -> Vec<u8> {
         let extra = &self.extra;
         let mut reply = vec![extra.reduced.into()];
@@ -358,8 +361,8 @@ fn joint_bits(number: u8) -> Option<u8> {
     }
 }
 
-/// A text in the room that it has. It ends with a NUL at the latest there: without one the official SDK
-/// fails.
+/// A text in the room that it has. It ends with a NUL at the latest there: without one the official
+/// SDK fails.
 fn padded(text: &str) -> Vec<u8> {
     text.bytes().take(TEXT - 1).chain(std::iter::repeat(0)).take(TEXT).collect()
 }

@@ -37,8 +37,9 @@ pub struct ArmEmulatorConfig {
     pub delay_secs: f64,
     /// How fast the joints close in on a servo target, Hz.
     pub bandwidth_hz: f64,
-    /// With it the joints follow servo targets as a mass on a spring, whose own frequency is the bandwidth, with this damping ratio:
-    /// below 1 they overshoot. Without it the speed is proportional to the distance.
+    /// With it the joints follow servo targets as a mass on a spring, whose own frequency is the
+    /// bandwidth, with this damping ratio: below 1 they overshoot. Without it the speed is
+    /// proportional to the distance.
     pub damping_ratio: Option<f64>,
 }
 
@@ -83,8 +84,8 @@ pub struct ArmEmulator {
 }
 
 impl ArmEmulator {
-    /// An arm that has just been switched on: planned mode, motors off, stopped; the limits of its moves are those of the
-    /// xArm user manual, and no box is switched on.
+    /// An arm that has just been switched on: planned mode, motors off, stopped; the limits of its
+    /// moves are those of the xArm user manual, and no box is switched on.
     pub fn new(config: ArmEmulatorConfig) -> Self {
         Self {
             clock: 0,
@@ -117,7 +118,8 @@ impl ArmEmulator {
         id
     }
 
-    /// Removes a client that is gone. The arm keeps its motion: servo mode has no timeout (xArm user manual).
+    /// Removes a client that is gone. The arm keeps its motion: servo mode has no timeout (xArm
+    /// user manual).
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.connections.retain(|connection| connection.id != id);
     }
@@ -196,8 +198,8 @@ impl ArmEmulator {
         self.settings.error
     }
 
-    /// Raises an error. The emergency buttons (1 to 3) stay pressed until error 0 releases them; others go
-    /// when cleaned.
+    /// Raises an error. The emergency buttons (1 to 3) stay pressed until error 0 releases them;
+    /// others go when cleaned.
     pub fn inject_error(&mut self, code: u8) {
         self.settings.error = code;
         if code != 0 {
@@ -271,7 +273,8 @@ impl ArmEmulator {
         }
     }
 
-    /// Notifies the client of the current move that it began (1) or ended (2), if the client wants that.
+    /// Notifies the client of the current move that it began (1) or ended (2), if the client wants
+    /// that.
     pub(super) fn receipt(&mut self, kind: u8, result: u8) {
         let Some(receipt) = self.current else { return };
         if kind == 2 {
@@ -284,7 +287,8 @@ impl ArmEmulator {
         if receipt.wants & kind == 0 {
             return;
         }
-        // Kind, register, number of the task and result, then the time at the controller in microseconds.
+        // Kind, register, number of the task and result, then the time at the controller in
+        // microseconds.
         let head = [FEEDBACK, self.reply_state().0, kind, receipt.register, 0, 0, result];
         let at_us = (self.clock * 1000).to_be_bytes();
         self.send(receipt.client, Frame::new(receipt.transaction, receipt.protocol, &[&head, &at_us]));

@@ -1,4 +1,5 @@
-//! Registers of inputs, outputs and servos, and of the two RS-485 lines, to which nothing is connected.
+//! Registers of inputs, outputs and servos, and of the two RS-485 lines, to which nothing is
+//! connected.
 
 use super::answers::Answer;
 use super::emulator::ArmEmulator;
@@ -6,7 +7,8 @@ use super::lines::{Lines, servo, version};
 
 /// Highest index of a baud rate; 11 stands for 2 Mbaud.
 const MAX_BAUD: u8 = 12;
-/// Addresses on the RS-485 lines: the gripper behind the flange's board, that board itself, and the control box.
+/// Addresses on the RS-485 lines: the gripper behind the flange's board, that board itself, and the
+/// control box.
 const GRIPPER: u8 = 8;
 const FLANGE: u8 = 9;
 const BOX: u8 = 11;
@@ -62,7 +64,8 @@ impl ArmEmulator {
         Some(Answer::Done(reply))
     }
 
-    /// Registers of the flange's board, and of whatever is behind it: a device, an address, and a float to write.
+    /// Registers of the flange's board, and of whatever is behind it: a device, an address, and a
+    /// float to write.
     fn board(&mut self, register: u8, params: &[u8]) -> Option<Answer> {
         let (device, low, high) = (*params.first()?, *params.get(2)?, *params.get(1)?);
         let address = u16::from_be_bytes([high, low]);
@@ -91,7 +94,8 @@ impl ArmEmulator {
         Some(Answer::Done(value.to_be_bytes().to_vec()))
     }
 
-    /// Nothing answers on the line: the controller raises its error of that line, 19 at the flange and 111 at the box.
+    /// Nothing answers on the line: the controller raises its error of that line, 19 at the flange
+    /// and 111 at the box.
     fn accessory(&mut self, line: u8) -> Option<Answer> {
         match line {
             FLANGE => self.inject_error(19),

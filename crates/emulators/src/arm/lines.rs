@@ -2,17 +2,20 @@
 
 use etude_robot::xarm::kinematics::ARM_JOINTS;
 
-/// Temperature of each servo, °C, current, A, and voltage, V: plausible constants for an arm that stands.
+/// Temperature of each servo, °C, current, A, and voltage, V: plausible constants for an arm that
+/// stands.
 pub(super) const TEMPERATURES_C: [u8; ARM_JOINTS] = [36, 37, 35, 36, 34, 33, 33];
 pub(super) const CURRENTS_A: [f32; ARM_JOINTS] = [0.1, 1.6, 0.3, 1.2, 0.1, 0.3, 0.05];
 pub(super) const VOLTS: f32 = 48.0;
-/// Version of a servo and of the flange's board: three numbers from this address on. Ours are made up.
+/// Version of a servo and of the flange's board: three numbers from this address on. Ours are made
+/// up.
 const VERSION_AT: u16 = 0x0801;
 const VERSION: [i32; 3] = [2, 8, 2];
 /// What the control box and the flange are given.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lines {
-    /// Outputs of the control box, of the flange, and functions of the box's 16 inputs and 16 outputs.
+    /// Outputs of the control box, of the flange, and functions of the box's 16 inputs and 16
+    /// outputs.
     pub digital: u16,
     pub analog: [u16; 2],
     pub flange: u16,
@@ -40,7 +43,8 @@ impl Lines {
         [0xFFFF, 0xFFFF, self.digital, self.digital, 0, 0, first, second]
     }
 
-    /// The functions, as the report and register 139 have them: eight inputs, eight outputs, and the next eight of each.
+    /// The functions, as the report and register 139 have them: eight inputs, eight outputs, and
+    /// the next eight of each.
     pub(super) fn function_bytes(&self) -> [u8; 32] {
         let [inputs, outputs] = self.functions;
         let mut bytes = [0; 32];
@@ -52,7 +56,8 @@ impl Lines {
     }
 }
 
-/// A register of a servo; `None` for other devices than the seven servos and the force sensor (8), which is not there.
+/// A register of a servo; `None` for other devices than the seven servos and the force sensor (8),
+/// which is not there.
 pub(super) fn servo(device: u8, address: u16) -> Option<i32> {
     let joint = match device {
         1..=7 => usize::from(device - 1),

@@ -1,8 +1,10 @@
-//! An emulated arm and its controller, which answer and report with the same bytes as the real ones.
+//! An emulated arm and its controller, which answer and report with the same bytes as the real
+//! ones.
 //!
-//! The behaviour follows the sources that `etude_robot::xarm` names. Where they say nothing, the behaviour that is harder
-//! for a driver was chosen. What our driver does not use follows xarm-python-sdk 1.18.4, whose calls all get an answer;
-//! `docs/robot.md` lists what differs from a real controller.
+//! The behaviour follows the sources that `etude_robot::xarm` names. Where they say nothing, the
+//! behaviour that is harder for a driver was chosen. What our driver does not use follows
+//! xarm-python-sdk 1.18.4, whose calls all get an answer; `docs/robot.md` lists what differs from a
+//! real controller.
 
 mod answers;
 mod emulator;

@@ -1,6 +1,7 @@
 //! How the emulated joints move: after servo targets, along planned moves, and to a stop.
 //!
-//! Time passes in steps of a millisecond, so that a motion does not depend on how often it is looked at.
+//! Time passes in steps of a millisecond, so that a motion does not depend on how often it is
+//! looked at.
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -103,16 +104,16 @@ impl Motion {
         self.coming.push_back((at, target));
     }
 
-    /// Begins a planned move. Speed in rad/s and acceleration in rad/s² are those of the joint with the
-    /// longest way.
+    /// Begins a planned move. Speed in rad/s and acceleration in rad/s² are those of the joint with
+    /// the longest way.
     pub(super) fn plan(&mut self, to: Joints, speed: f64, acceleration: f64) {
         let longest = to.iter().zip(&self.joints).map(|(to, from)| (to - from).abs()).fold(1e-9, f64::max);
         let (top, slope) = (speed / longest, acceleration / longest);
         self.drive = Drive::Plan(Plan { from: self.joints, to, share: 0.0, rate: 0.0, top, slope });
     }
 
-    /// Turns each joint to a target, as it moves now and in place of an earlier target: at most at this speed (rad/s), with
-    /// this acceleration (rad/s²).
+    /// Turns each joint to a target, as it moves now and in place of an earlier target: at most at
+    /// this speed (rad/s), with this acceleration (rad/s²).
     pub(super) fn seek(&mut self, target: Joints, speed: f64, acceleration: f64) {
         self.drive = Drive::Seek(target, speed, acceleration.min(MAX_ACCELERATION));
     }
@@ -183,7 +184,8 @@ impl Motion {
                 let most = if paused { 0.0 } else { *most };
                 for joint in 0..ARM_JOINTS {
                     let apart = target[joint] - before[joint];
-                    // Slower near the target than the acceleration would allow, so that it does not pass it.
+                    // Slower near the target than the acceleration would allow, so that it does not
+                    // pass it.
                     let wanted = (self.bandwidth * apart.abs())
                         .min((acceleration * apart.abs()).sqrt())
                         .min(most)
@@ -275,7 +277,8 @@ mod tests {
         assert_eq!((motion.joints, motion.moving()), ([0.3; ARM_JOINTS], false));
     }
 
-    /// A small step, and a steady ramp: the textbook's overshoot and lag of a system of second order.
+    /// A small step, and a steady ramp: the textbook's overshoot and lag of a system of second
+    /// order.
     #[test]
     fn an_arm_with_a_damping_ratio_overshoots_and_lags_as_its_numbers_say() {
         for (hertz, ratio) in [(5.0, 0.5), (8.0, 0.7), (4.0, 0.8)] {

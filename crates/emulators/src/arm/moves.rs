@@ -1,8 +1,9 @@
-//! Moves of the emulated arm that our driver does not use: of the tool, relative ones, online planning (modes 6 and 7) and
-//! velocities (modes 4 and 5).
+//! Moves of the emulated arm that our driver does not use: of the tool, relative ones, online
+//! planning (modes 6 and 7) and velocities (modes 4 and 5).
 //!
-//! Approximations: a straight line or a circle of the tool is a straight line in joint space to each of its ends, in about the
-//! time that the line takes. Moves never blend. In modes 6 and 7 each joint turns to its newest target on its own.
+//! Approximations: a straight line or a circle of the tool is a straight line in joint space to
+//! each of its ends, in about the time that the line takes. Moves never blend. In modes 6 and 7
+//! each joint turns to its newest target on its own.
 
 use etude_robot::xarm::kinematics::{self, ARM_JOINTS, KinematicsError, Pose, jacobian, logarithm};
 use nalgebra::{Matrix6, Rotation3, SVector, Vector3, Vector6};
@@ -13,7 +14,8 @@ use super::motion::MAX_SPEED;
 use super::setting_registers::numbers;
 use super::state::{Condition, Planned, Receipt, Steering, Velocity};
 
-/// Acceleration of moves of the tool and of pauses, rad/s²; the tool's own acceleration is not looked at.
+/// Acceleration of moves of the tool and of pauses, rad/s²; the tool's own acceleration is not
+/// looked at.
 const ACCELERATION: f64 = 20.0;
 /// Damping of the velocities of the tool, which keeps the joints slow near singular places.
 const DAMPING: f64 = 1e-4;
@@ -38,7 +40,8 @@ impl ArmEmulator {
         let pose = |at: usize| numbers::<6>(params.get(4 * at..)?);
         let float = |at: usize| Some(f64::from(numbers::<1>(params.get(4 * at..)?)?[0]));
         match register {
-            // Lines: to a pose (with a radius from firmware 1.11.100 on), blended, in the tool's frame, with an axis and an angle.
+            // Lines: to a pose (with a radius from firmware 1.11.100 on), blended, in the tool's
+            // frame, with an axis and an angle.
             21 | 22 | 28 | 92 => {
                 let common = params.len() >= 43;
                 let meaning = Meaning {
@@ -129,7 +132,8 @@ impl ArmEmulator {
         }
     }
 
-    /// Kinematics of any joints and poses. `None` if the register is none of these, or there is no answer.
+    /// Kinematics of any joints and poses. `None` if the register is none of these, or there is no
+    /// answer.
     pub(super) fn calculate(&mut self, register: u8, params: &[u8]) -> Option<Answer> {
         let mut reply = Vec::new();
         let mut floats = |values: &[f32]| etude_robot::xarm::codec::push_floats(&mut reply, values);
@@ -168,7 +172,8 @@ impl ArmEmulator {
         Some(Answer::Done(reply))
     }
 
-    /// The pose of the tool for joints: the flange with the offset that was set, from a base with the offset that was set.
+    /// The pose of the tool for joints: the flange with the offset that was set, from a base with
+    /// the offset that was set.
     pub(super) fn tool_with(&self, joints: [f64; ARM_JOINTS]) -> Pose {
         let flange = kinematics::forward(&joints);
         compose(&compose(&self.world(), &flange), &self.offset())
@@ -216,7 +221,8 @@ impl ArmEmulator {
         kinematics::inverse(&flange, near)
     }
 
-    /// Moves of the tool to poses one after the other, mm/s; `check` only tells whether they can be done.
+    /// Moves of the tool to poses one after the other, mm/s; `check` only tells whether they can be
+    /// done.
     fn lines(&mut self, poses: &[Pose], speed_mm: f64, check: bool, receipt: Receipt) -> Answer {
         let online = self.moves_in(7);
         if !(online || self.moves_in(0)) {
@@ -280,7 +286,8 @@ impl ArmEmulator {
         Some(Answer::Done(Vec::new()))
     }
 
-    /// One millisecond of the velocities that are wanted. A joint that leaves its range is an error.
+    /// One millisecond of the velocities that are wanted. A joint that leaves its range is an
+    /// error.
     pub(super) fn steer_on(&mut self) {
         let Some(Steering { wanted, until }) = self.steering else { return };
         // The time of a pause counts as time of the velocities.

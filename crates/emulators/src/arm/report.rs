@@ -49,8 +49,8 @@ impl ArmEmulator {
         }
     }
 
-    /// The report of port 30000 from its byte 15 on. The joints are where they were sent, and no acceleration, torque or force
-    /// is emulated.
+    /// The report of port 30000 from its byte 15 on. The joints are where they were sent, and no
+    /// acceleration, torque or force is emulated.
     fn push_motion(&self, report: &mut Vec<u8>) {
         let joints = self.motion.joints.map(|angle| angle as f32);
         let speeds = self.motion.speeds().map(|speed| speed as f32);
@@ -94,7 +94,8 @@ impl ArmEmulator {
         report.extend(self.config.firmware.bytes().chain(std::iter::repeat(0)).take(30));
         push_floats(report, &settings.tcp_limits_mm);
         push_floats(report, &settings.joint_limits_rad);
-        // Jerk and acceleration of turns, which are not documented, and status and code of each servo and of the flange.
+        // Jerk and acceleration of turns, which are not documented, and status and code of each
+        // servo and of the flange.
         report.resize(245, 0);
         report.extend(TEMPERATURES_C);
         let speeds = self.motion.speeds();

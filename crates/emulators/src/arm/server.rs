@@ -1,7 +1,7 @@
 //! Serves the emulated arm on TCP sockets.
 //!
-//! It never listens on a Unix socket, because xArm-Python-SDK prefers such a socket to the real robot. Without
-//! [`Reach::Everyone`] only programs on this machine can connect.
+//! It never listens on a Unix socket, because xArm-Python-SDK prefers such a socket to the real
+//! robot. Without [`Reach::Everyone`] only programs on this machine can connect.
 
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
@@ -80,7 +80,8 @@ impl ArmServer {
     /// Listens on five ports of an address.
     ///
     /// # Errors
-    /// If the address is of a network and only this machine is meant, or a port is taken or not allowed.
+    /// If the address is of a network and only this machine is meant, or a port is taken or not
+    /// allowed.
     pub fn bind(address: IpAddr, ports: ArmPorts, reach: Reach) -> io::Result<Self> {
         if reach == Reach::ThisMachine && !address.is_loopback() {
             return Err(io::Error::new(
@@ -116,8 +117,8 @@ impl ArmServer {
         })
     }
 
-    /// In place of [`serve_once`](Self::serve_once) while connections are refused: closes all connections, and new ones at
-    /// once.
+    /// In place of [`serve_once`](Self::serve_once) while connections are refused: closes all
+    /// connections, and new ones at once.
     pub fn refuse_once(&mut self, now: Duration, emulator: &mut ArmEmulator) {
         emulator.advance(now);
         self.commands.hang_up(|id| emulator.disconnect(id));
@@ -128,8 +129,8 @@ impl ArmServer {
         }
     }
 
-    /// Takes what clients have sent, lets the emulator's time pass until `now`, and sends what is due. Never
-    /// waits; call it every millisecond or so.
+    /// Takes what clients have sent, lets the emulator's time pass until `now`, and sends what is
+    /// due. Never waits; call it every millisecond or so.
     pub fn serve_once(&mut self, now: Duration, emulator: &mut ArmEmulator) {
         emulator.advance(now);
         let mut replies = Vec::new();

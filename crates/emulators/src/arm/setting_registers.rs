@@ -1,5 +1,5 @@
-//! Settings of the emulated controller that our driver does not use: every register of xarm-python-sdk 1.18.4 that sets one
-//! of them, and every one that reads it back.
+//! Settings of the emulated controller that our driver does not use: every register of
+//! xarm-python-sdk 1.18.4 that sets one of them, and every one that reads it back.
 
 use etude_robot::xarm::Fence;
 use etude_robot::xarm::codec::{floats, push_floats};
@@ -23,7 +23,8 @@ pub(super) fn numbers<const N: usize>(params: &[u8]) -> Option<[f32; N]> {
 }
 
 impl ArmEmulator {
-    /// Sets or reads a setting. `None` if the register is none of a setting, or its parameters are wrong.
+    /// Sets or reads a setting. `None` if the register is none of a setting, or its parameters are
+    /// wrong.
     pub(super) fn setting(&mut self, register: u8, params: &[u8]) -> Option<Answer> {
         let byte = |at: usize| params.get(at).copied();
         let flag = |at: usize| byte(at).map(|value| value != 0);
@@ -32,7 +33,8 @@ impl ArmEmulator {
         match register {
             // Verification of the controller: it is the maker's own.
             3 => reply.push(0),
-            // Dynamics are loaded again, the configuration is saved, timers: nothing that a client could see.
+            // Dynamics are loaded again, the configuration is saved, timers: nothing that a client
+            // could see.
             4 | 40 | 71 | 72 => {}
             5 => reply.push(extra.currents_for_torques),
             6 => push_floats(&mut reply, &[0.0]),
@@ -113,8 +115,8 @@ impl ArmEmulator {
         Some(Answer::Done(reply))
     }
 
-    /// All settings as delivered, with those of our driver among them. What is no setting stays: errors, trajectories, the
-    /// counter.
+    /// All settings as delivered, with those of our driver among them. What is no setting stays:
+    /// errors, trajectories, the counter.
     fn clean_configuration(&mut self) {
         let Extra { simulated, counter, trajectories, trajectory_status, .. } =
             std::mem::take(&mut self.extra);
@@ -138,7 +140,8 @@ impl ArmEmulator {
         Some(Answer::Done(Vec::new()))
     }
 
-    /// Recorded trajectories. Only their names are kept: none is recorded, and playing one takes no time.
+    /// Recorded trajectories. Only their names are kept: none is recorded, and playing one takes no
+    /// time.
     fn trajectory(&mut self, register: u8, params: &[u8]) -> Option<Answer> {
         let extra = &mut self.extra;
         let name = params.split(|byte| *byte == 0).next().filter(|name| !name.is_empty());

@@ -7,7 +7,8 @@ use etude_robot::xarm::kinematics::{ARM_JOINTS, WIDEST_LIMITS_RAD};
 
 use super::motion::MAX_SPEED;
 
-/// Standard Denavit-Hartenberg rows (ufactory_docs, kinematics): offset (rad), d (mm), alpha (rad), a (mm).
+/// Standard Denavit-Hartenberg rows (ufactory_docs, kinematics): offset (rad), d (mm), alpha (rad),
+/// a (mm).
 pub(super) const DH_MM_RAD: [[f32; 4]; ARM_JOINTS] = [
     [0.0, 267.0, -FRAC_PI_2, 0.0],
     [0.0, 0.0, FRAC_PI_2, 0.0],
@@ -31,8 +32,8 @@ pub(super) struct Settings {
     pub payload_kg_mm: [f32; 4],
     /// How easily a collision is seen, 0 (off) to 5.
     pub collision_sensitivity: u8,
-    /// Limits of the tool's moves (mm, s) and of the joints' (rad, s): jerk, smallest and largest acceleration, smallest
-    /// and largest speed.
+    /// Limits of the tool's moves (mm, s) and of the joints' (rad, s): jerk, smallest and largest
+    /// acceleration, smallest and largest speed.
     pub tcp_limits_mm: [f32; 5],
     pub joint_limits_rad: [f32; 5],
 }
@@ -134,7 +135,8 @@ impl Extra {
         (common_default(kind)?.len() == value.len()).then(|| drop(self.common.insert(kind, value.to_vec())))
     }
 
-    /// A common parameter as register 233 has it: integers are set with the low byte first and read with the high one first.
+    /// A common parameter as register 233 has it: integers are set with the low byte first and read
+    /// with the high one first.
     pub(super) fn common(&self, kind: u8) -> Option<Vec<u8>> {
         let mut value = self.common.get(&kind).cloned().map_or_else(|| common_default(kind), Some)?;
         if matches!(kind, 2..=5 | 11 | 13 | 15 | 16 | 24 | 25) {
@@ -144,8 +146,8 @@ impl Extra {
     }
 }
 
-/// The value of a common parameter that nobody has set; `None` if there is no such type. Zero is a guess for all but the first
-/// (facts: a factor of 1.2).
+/// The value of a common parameter that nobody has set; `None` if there is no such type. Zero is a
+/// guess for all but the first (facts: a factor of 1.2).
 fn common_default(kind: u8) -> Option<Vec<u8>> {
     Some(match kind {
         1 => 1.2_f32.to_le_bytes().to_vec(),

@@ -1,4 +1,5 @@
-//! What the emulated controller keeps: clients, moves that wait, velocities, its state, and its report ports.
+//! What the emulated controller keeps: clients, moves that wait, velocities, its state, and its
+//! report ports.
 
 use etude_robot::xarm::codec::FrameParser;
 use etude_robot::xarm::kinematics::ARM_JOINTS;
@@ -74,7 +75,8 @@ pub enum ReportKind {
     Normal,
     /// Port 30002: the same with limits, servos, inputs and all other settings, at 5 Hz.
     Rich,
-    /// Port 30000: targets, joints, speeds, currents and pose at 250 Hz, with the time at the controller.
+    /// Port 30000: targets, joints, speeds, currents and pose at 250 Hz, with the time at the
+    /// controller.
     Control,
 }
 

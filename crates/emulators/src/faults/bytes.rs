@@ -1,7 +1,7 @@
 //! A bad serial line, or a slow TCP connection.
 //!
-//! Bytes never overtake each other. On a serial line single bytes get lost (`loss`) and pieces lose their end
-//! (`truncate`); a TCP connection has neither, it only becomes slow or is cut.
+//! Bytes never overtake each other. On a serial line single bytes get lost (`loss`) and pieces lose
+//! their end (`truncate`); a TCP connection has neither, it only becomes slow or is cut.
 
 use std::{collections::VecDeque, time::Duration};
 

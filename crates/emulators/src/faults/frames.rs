@@ -15,8 +15,8 @@ pub type FaultyFrames = FaultyLink<Frames>;
 /// Frames on their way.
 #[derive(Clone, Debug, Default)]
 pub struct Frames {
-    /// In the order in which they arrive; the second number keeps frames that are due together in the order
-    /// they came.
+    /// In the order in which they arrive; the second number keeps frames that are due together in
+    /// the order they came.
     by_arrival: BTreeMap<(Duration, u64), CanFrame>,
     number: u64,
 }
@@ -68,7 +68,8 @@ mod tests {
         u16::from_le_bytes(frame.payload().try_into().unwrap())
     }
 
-    /// Pushes one numbered frame a step and pops whatever is due; the numbers that arrived, with their steps.
+    /// Pushes one numbered frame a step and pops whatever is due; the numbers that arrived, with
+    /// their steps.
     fn run(plan: &FaultPlan, frames: u16) -> Vec<(u16, u32)> {
         let mut bus = FaultyFrames::new(plan).unwrap();
         let mut arrived = Vec::new();

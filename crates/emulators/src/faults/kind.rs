@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Devices, HandEmulatorConfig};
 
-/// Codes of the arm's emergency buttons (xArm user manual), which stay pressed until they are released.
+/// Codes of the arm's emergency buttons (xArm user manual), which stay pressed until they are
+/// released.
 const BUTTONS: std::ops::RangeInclusive<u8> = 1..=3;
 
 /// A fault.

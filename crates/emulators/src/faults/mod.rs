@@ -1,8 +1,8 @@
 //! Faults of links (delay, loss, cut cables) and faults of devices that are ordered for a time.
 //!
 //! [`FaultyFrames`] models a CAN bus, [`FaultyBytes`] a serial line or a TCP connection. Both are
-//! given items and the time, and hand them out again as the [`FaultPlan`] says: the same plan and the same
-//! calls always give the same result.
+//! given items and the time, and hand them out again as the [`FaultPlan`] says: the same plan and
+//! the same calls always give the same result.
 
 mod bytes;
 mod frames;

@@ -1,4 +1,5 @@
-//! Faults ordered for a time: by `[[faults]]` in a file of twin parameters, by `--fault KIND[=VALUE]@SECS[+SECS]`, or by a test.
+//! Faults ordered for a time: by `[[faults]]` in a file of twin parameters, by `--fault
+//! KIND[=VALUE]@SECS[+SECS]`, or by a test.
 
 use std::fmt;
 use std::str::FromStr;

@@ -130,7 +130,8 @@ impl Dice {
     pub(super) fn throw(&mut self, now: Duration) -> Fate {
         /// A frame is held back for at most this, about three rounds of the hand's bus.
         const HELD_SECS: f64 = 0.01;
-        // All random numbers are drawn every time, so that switching one fault on does not change the pattern of the others.
+        // All random numbers are drawn every time, so that switching one fault on does not change
+        // the pattern of the others.
         let [jitter, loss, duplicate, reorder, held, truncate, kept] = self.random.random::<[f64; 7]>();
         let late = Duration::from_secs_f64(jitter * self.plan.jitter_secs);
         let due = now.saturating_add(self.delay).saturating_add(late).max(self.last_due);

@@ -157,8 +157,8 @@ fn the_emulator_raises_the_documented_errors() {
     client.ask_floats(23, &[&[0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0], &[0.5, 1.0, 0.0][..]].concat());
     assert_eq!((client.emulator.error(), client.emulator.state()), (23, 4));
 
-    // Two joints turn the flange at 2.6 rad/s each about axes far from it: faster than 1.2 m/s, no joint too
-    // fast.
+    // Two joints turn the flange at 2.6 rad/s each about axes far from it: faster than 1.2 m/s, no
+    // joint too fast.
     let mut client = Client::running(1);
     let mut target = home();
     for _ in 0..200 {

@@ -1,4 +1,5 @@
-//! The emulators against the documented protocols and the makers' own clients. The drivers meet them in the tests of `etude-robot`.
+//! The emulators against the documented protocols and the makers' own clients. The drivers meet
+//! them in the tests of `etude-robot`.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 

@@ -1,4 +1,5 @@
-//! The arm's emulator for UFACTORY's own client (`scripts/check_xarm.py` and `scripts/check_xarm_calls.py`).
+//! The arm's emulator for UFACTORY's own client (`scripts/check_xarm.py` and
+//! `scripts/check_xarm_calls.py`).
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::{IpAddr, Ipv4Addr};

@@ -1,9 +1,9 @@
 //! Four position frames become one period: the clock of the joint loop.
 //!
-//! The hand sends its four frames back to back; any of them may be lost, duplicated, swapped or late. A period ends when
-//! all four have arrived, or half a period after the first, or when a finger sends other angles. A finger whose frame is
-//! missing keeps its last angles. An adapter may deliver two periods at once: ends closer together than half a period count
-//! as one.
+//! The hand sends its four frames back to back; any of them may be lost, duplicated, swapped or
+//! late. A period ends when all four have arrived, or half a period after the first, or when a
+//! finger sends other angles. A finger whose frame is missing keeps its last angles. An adapter may
+//! deliver two periods at once: ends closer together than half a period count as one.
 
 use std::time::Duration;
 
@@ -89,8 +89,8 @@ mod tests {
 
     const PERIOD: Duration = Duration::from_millis(3);
 
-    /// Frames as (microseconds, finger, angle); gives when it ticked and how many were doubled. With
-    /// `polled`, a look at the clock each 0.1 ms, as a driver that is polled has it.
+    /// Frames as (microseconds, finger, angle); gives when it ticked and how many were doubled.
+    /// With `polled`, a look at the clock each 0.1 ms, as a driver that is polled has it.
     fn play(frames: &[(u64, usize, i16)], polled: bool) -> (Vec<u64>, u32) {
         let mut assembly = Assembly::new(PERIOD);
         let (mut ticks, mut duplicates) = (vec![], 0);
@@ -158,8 +158,8 @@ mod tests {
             }).collect();
             let (ticks, _) = play(&frames, polled);
             prop_assert!((199..=200).contains(&ticks.len()), "{}", ticks.len());
-            // Two periods and the jitter, where only the next frame tells that one was lost; polled, well
-            // below.
+            // Two periods and the jitter, where only the next frame tells that one was lost;
+            // polled, well below.
             let longest = if polled { 5200 } else { 6800 };
             prop_assert!(ticks.windows(2).all(|pair| pair[1] - pair[0] <= longest), "{ticks:?}");
         }

@@ -1,6 +1,7 @@
 //! The hand's messages and their frames, both ways (Wonik's "CAN Protocol v4.0").
 //!
-//! An identifier is (message << 2) | device. A request is a remote frame; the answer is a data frame with the same identifier.
+//! An identifier is (message << 2) | device. A request is a remote frame; the answer is a data
+//! frame with the same identifier.
 
 use super::messages::{
     DeviceId, Finger, HandMessage, HandSide, HostMessage, Information, Request, Serial, StatusBits,
@@ -86,7 +87,8 @@ impl HostMessage {
         }
     }
 
-    /// The message of a frame to `device`; `None` if it is to another device, none of these messages, or too short or long.
+    /// The message of a frame to `device`; `None` if it is to another device, none of these
+    /// messages, or too short or long.
     pub fn decode(device: DeviceId, frame: &CanFrame) -> Option<Self> {
         let message = message_id(device, frame)?;
         if frame.is_remote() {
@@ -124,8 +126,8 @@ impl HandMessage {
         }
     }
 
-    /// The message of a frame from `device`; `None` if it is from another device, none of these messages, or its bytes are
-    /// not what it carries.
+    /// The message of a frame from `device`; `None` if it is from another device, none of these
+    /// messages, or its bytes are not what it carries.
     pub fn decode(device: DeviceId, frame: &CanFrame) -> Option<Self> {
         let message = message_id(device, frame).filter(|_| !frame.is_remote())?;
         Some(match (message, frame.payload()) {
@@ -285,8 +287,8 @@ mod tests {
             prop_assert_eq!(HandMessage::decode(another, &hand_frame), (id == other).then_some(hand));
         }
 
-        /// Whatever is decoded is what the frame says: encoded again it is the same frame (temperatures except
-        /// for spare bytes, periods except for those of other streams).
+        /// Whatever is decoded is what the frame says: encoded again it is the same frame
+        /// (temperatures except for spare bytes, periods except for those of other streams).
         #[test]
         fn frames_come_back(
             id in 0u16..=CanFrame::MAX_ID, data in prop::collection::vec(any::<u8>(), 0..=8), remote: bool,

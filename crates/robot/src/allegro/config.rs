@@ -24,7 +24,8 @@ pub struct HandConfig {
     pub stale_after_secs: f64,
     /// Hottest board, °C. Parts of the commercial grade are specified up to 70 °C.
     pub max_board_celsius: u8,
-    /// Hottest joint, °C. The sensor is not in the winding, which runs some 20 °C hotter and bears about 85.
+    /// Hottest joint, °C. The sensor is not in the winding, which runs some 20 °C hotter and bears
+    /// about 85.
     pub max_joint_celsius: u8,
 }
 
@@ -57,7 +58,8 @@ impl HandConfig {
             // The hand is made for 3 ms.
             ("hand.period_ms", self.period_ms.into(), 1.0..=20.0),
             ("hand.start_timeout_secs", self.start_timeout_secs, 0.5..=30.0),
-            // Longer than this, and a held torque could run a joint at 7 rad/s through half its range.
+            // Longer than this, and a held torque could run a joint at 7 rad/s through half its
+            // range.
             ("hand.stale_after_secs", self.stale_after_secs, three_periods..=0.1),
             ("hand.max_board_celsius", self.max_board_celsius.into(), 30.0..=85.0),
             ("hand.max_joint_celsius", self.max_joint_celsius.into(), 30.0..=85.0),

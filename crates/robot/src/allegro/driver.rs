@@ -1,12 +1,13 @@
 //! The driver of the hand: starts it, watches it, and is the only path for torques.
 //!
-//! In each cycle, pass every frame that has arrived to [`Hand::receive`] and call [`Hand::poll`]. If either returns
-//! [`HandEvent::Positions`], compute torques once and call [`Hand::torque`]. The hand's position frames are thus the
-//! clock. `assembly` handles lost, duplicate and late frames; `encoder` rejects implausible readings.
+//! In each cycle, pass every frame that has arrived to [`Hand::receive`] and call [`Hand::poll`].
+//! If either returns [`HandEvent::Positions`], compute torques once and call [`Hand::torque`]. The
+//! hand's position frames are thus the clock. `assembly` handles lost, duplicate and late frames;
+//! `encoder` rejects implausible readings.
 //!
-//! No public source says what a hand does when torque frames stop, so the driver assumes the worst: the hand holds the last
-//! torque. When no torque is requested any more, the driver sends zeros. In a fault it repeats zeros and servo off, because
-//! the link may come back.
+//! No public source says what a hand does when torque frames stop, so the driver assumes the worst:
+//! the hand holds the last torque. When no torque is requested any more, the driver sends zeros. In
+//! a fault it repeats zeros and servo off, because the link may come back.
 
 mod received;
 
@@ -24,14 +25,15 @@ use crate::can::CanFrame;
 
 /// After this time a hand that was streaming is silent, and its last frames have been discarded.
 const DRAIN: Duration = Duration::from_millis(50);
-/// Time between two requests for state and temperature, and between two repeats of zero torque in a fault.
+/// Time between two requests for state and temperature, and between two repeats of zero torque in a
+/// fault.
 const HEARTBEAT: Duration = Duration::from_millis(100);
 /// Ten requests without an answer.
 const INFORMATION_TIMEOUT: Duration = Duration::from_secs(1);
 /// A torque that is not renewed is replaced by zero after this time.
 const TORQUE_TIMEOUT: Duration = Duration::from_millis(50);
-/// Time for which commands of another program that move nothing are borne: `etude robot stop` sends them, and its request ends this program
-/// meanwhile.
+/// Time for which commands of another program that move nothing are borne: `etude robot stop` sends
+/// them, and its request ends this program meanwhile.
 const OTHER_PROGRAM_TIMEOUT: Duration = Duration::from_millis(150);
 /// Number of zero-torque commands when the hand is released: a frame may be lost.
 const REPEATS: usize = 3;
@@ -77,7 +79,8 @@ impl Hand {
         })
     }
 
-    /// Starts, or restarts after a stop or a fault. Only an operator may ask for this. [`poll`](Self::poll) does the rest.
+    /// Starts, or restarts after a stop or a fault. Only an operator may ask for this.
+    /// [`poll`](Self::poll) does the rest.
     pub fn start(&mut self, now: Duration) {
         self.known = Known::nothing(&self.config);
         self.state = HandState::Starting;
@@ -113,8 +116,9 @@ impl Hand {
         HandEvent::Nothing
     }
 
-    /// Advances to `now`: continues the start, requests state and temperature, checks timeouts, and releases the hand in a
-    /// fault. Call it at least each millisecond, after all frames that have arrived were received.
+    /// Advances to `now`: continues the start, requests state and temperature, checks timeouts, and
+    /// releases the hand in a fault. Call it at least each millisecond, after all frames that have
+    /// arrived were received.
     pub fn poll(&mut self, now: Duration, out: &mut Vec<CanFrame>) -> HandEvent {
         let event = if self.listens() {
             let taken = self.known.assembly.expire(now);
@@ -144,9 +148,9 @@ impl Hand {
         event
     }
 
-    /// Sends torques: the `wanted` PWM of each flat joint, clamped to the configured limit and to [`PWM_LIMITS`]; a number
-    /// that is not finite becomes 0. Returns what was sent. Unless the hand is [`HandState::Ready`], sends nothing and
-    /// returns zeros.
+    /// Sends torques: the `wanted` PWM of each flat joint, clamped to the configured limit and to
+    /// [`PWM_LIMITS`]; a number that is not finite becomes 0. Returns what was sent. Unless the
+    /// hand is [`HandState::Ready`], sends nothing and returns zeros.
     pub fn torque(
         &mut self,
         now: Duration,
@@ -167,8 +171,9 @@ impl Hand {
         sent
     }
 
-    /// Releases the hand: zero torque three times, servo off, streams off. Allowed at any time; a fault stays a fault. Until the hand
-    /// has confirmed it, [`poll`](Self::poll) repeats zero torque and servo off.
+    /// Releases the hand: zero torque three times, servo off, streams off. Allowed at any time; a
+    /// fault stays a fault. Until the hand has confirmed it, [`poll`](Self::poll) repeats zero
+    /// torque and servo off.
     pub fn stop(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         self.release(now, out);
         self.commands.silence(out);
@@ -206,7 +211,8 @@ impl Hand {
         self.known.encoders.each_ref().map(|encoder| encoder.rad().unwrap_or(0.0))
     }
 
-    /// When the newest angles of the last complete period arrived: the time to pass to the joint loop.
+    /// When the newest angles of the last complete period arrived: the time to pass to the joint
+    /// loop.
     pub fn positions_at(&self) -> Option<Duration> {
         self.known.positions_at
     }
@@ -331,7 +337,8 @@ impl Hand {
         (!fresh).then_some((finger, age))
     }
 
-    /// Latches the first fault; frames that are still on their way may show others. A hand that was stopped stays so.
+    /// Latches the first fault; frames that are still on their way may show others. A hand that was
+    /// stopped stays so.
     fn fail(&mut self, fault: HandFault) {
         if matches!(self.state, HandState::Starting | HandState::Ready) {
             self.state = HandState::Fault(fault);

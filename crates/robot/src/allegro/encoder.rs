@@ -1,10 +1,11 @@
 //! Rejects encoder readings that are impossible.
 //!
-//! Frames carry a checksum, so an impossible reading means a failing encoder and not a damaged frame. The mechanical stops
-//! lie a little outside the limits in the URDF (the paper's code clips up to 0.13 rad outside), and zeros differ from hand
-//! to hand: half a radian outside is impossible. The highest speed in any source is 13 rad/s (allegro_hand_ros_v4); more
-//! than twice that is impossible too, except where an adapter delivers two periods at once. A single impossible reading is
-//! dropped and the last valid angle stays; several in a row are a fault.
+//! Frames carry a checksum, so an impossible reading means a failing encoder and not a damaged
+//! frame. The mechanical stops lie a little outside the limits in the URDF (the paper's code clips
+//! up to 0.13 rad outside), and zeros differ from hand to hand: half a radian outside is
+//! impossible. The highest speed in any source is 13 rad/s (allegro_hand_ros_v4); more than twice
+//! that is impossible too, except where an adapter delivers two periods at once. A single
+//! impossible reading is dropped and the last valid angle stays; several in a row are a fault.
 
 use std::time::Duration;
 

@@ -1,20 +1,22 @@
 //! Measures of the fingers that play, for a palm that faces down.
 //!
-//! Lengths are those of MuJoCo Menagerie's `wonik_allegro` and of the printed tips (lasr-lab/learning-to-play-piano).
+//! Lengths are those of MuJoCo Menagerie's `wonik_allegro` and of the printed tips
+//! (lasr-lab/learning-to-play-piano).
 
 use super::limits::WIRE_JOINTS;
 
 /// Fingers that play, with four joints each. The thumb is folded away.
 pub const PLAYING: usize = 3;
-/// From the first flexion joint to the second, from there to the third, and from there to the centre of the tip's rounded end, m.
+/// From the first flexion joint to the second, from there to the third, and from there to the
+/// centre of the tip's rounded end, m.
 pub(super) const PROXIMAL_M: f64 = 0.054;
 pub(super) const MEDIAL_M: f64 = 0.0384;
 const DISTAL_M: f64 = 0.029 + 0.016;
 /// Radius of a fingertip, m.
 const TIP_RADIUS_M: f64 = 0.0085;
 
-/// The playing fingers at `positions` (rad, as on the wire): rotation at the palm, and the angle of each link from straight ahead toward
-/// the keys, rad.
+/// The playing fingers at `positions` (rad, as on the wire): rotation at the palm, and the angle of
+/// each link from straight ahead toward the keys, rad.
 pub(super) fn bends(positions: &[f64; WIRE_JOINTS]) -> [(f64, [f64; 3]); PLAYING] {
     std::array::from_fn(|finger| {
         let [roll, first, second, third] = std::array::from_fn(|joint| positions[4 * finger + joint]);
@@ -22,7 +24,8 @@ pub(super) fn bends(positions: &[f64; WIRE_JOINTS]) -> [(f64, [f64; 3]); PLAYING
     })
 }
 
-/// How far the lowest point of each playing finger's tip is below the roots of the fingers, m, at `positions` (rad, as on the wire).
+/// How far the lowest point of each playing finger's tip is below the roots of the fingers, m, at
+/// `positions` (rad, as on the wire).
 pub fn tip_depths(positions: &[f64; WIRE_JOINTS]) -> [f64; PLAYING] {
     bends(positions).map(|(roll, bends)| {
         let [proximal, medial, distal] = bends.map(f64::sin);

@@ -1,8 +1,8 @@
-//! Torques that hold the fingers against gravity. The hand's own driver has none: a straight, horizontal finger would hang 1.4° below its
-//! reference, which is 3 mm at its tip.
+//! Torques that hold the fingers against gravity. The hand's own driver has none: a straight,
+//! horizontal finger would hang 1.4° below its reference, which is 3 mm at its tip.
 //!
-//! Masses are those of the URDF in simlabrobotics/allegro_hand_ros_v4, each in the middle of its link. The thumb is folded away and has
-//! its stop.
+//! Masses are those of the URDF in simlabrobotics/allegro_hand_ros_v4, each in the middle of its
+//! link. The thumb is folded away and has its stop.
 
 use super::fingers::{MEDIAL_M, PROXIMAL_M, bends};
 use super::limits::WIRE_JOINTS;
@@ -14,8 +14,9 @@ const MEDIAL: (f64, f64) = (0.0355, MEDIAL_M / 2.0);
 const DISTAL: (f64, f64) = (0.0096 + 0.0168, (0.0096 * 0.008 + 0.0168 * 0.029) / (0.0096 + 0.0168));
 const GRAVITY: f64 = 9.81;
 
-/// The torques (N·m) that hold the fingers at `positions` (rad, as on the wire) when the palm faces down. With the palm facing elsewhere they
-/// are to be multiplied by the cosine of the angle between its normal and straight down.
+/// The torques (N·m) that hold the fingers at `positions` (rad, as on the wire) when the palm faces
+/// down. With the palm facing elsewhere they are to be multiplied by the cosine of the angle
+/// between its normal and straight down.
 pub fn holding_torques(positions: &[f64; WIRE_JOINTS]) -> [f64; WIRE_JOINTS] {
     let mut torques = [0.0; WIRE_JOINTS];
     for (finger, (roll, bends)) in bends(positions).into_iter().enumerate() {

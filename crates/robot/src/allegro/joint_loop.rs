@@ -1,8 +1,9 @@
 //! Joint angles become torques, at the hand's own clock.
 //!
-//! A PD law, pwm = kp·(wanted − measured) − kd·velocity, as in all public drivers of this hand. Those divide by a fixed or
-//! wrapping time step. Here the velocity is the difference over the true time between frames, so that a lost period does
-//! not distort it, followed by a first-order low-pass with the same time step.
+//! A PD law, pwm = kp·(wanted − measured) − kd·velocity, as in all public drivers of this hand.
+//! Those divide by a fixed or wrapping time step. Here the velocity is the difference over the true
+//! time between frames, so that a lost period does not distort it, followed by a first-order
+//! low-pass with the same time step.
 
 use std::time::Duration;
 
@@ -25,7 +26,8 @@ pub struct JointLoopConfig {
     pub kd: [f64; 4],
     /// Cut-off of the velocity's low-pass, Hz.
     pub velocity_filter_hz: f64,
-    /// PWM for each N·m that holds the fingers against gravity; 0 for none. The default is the full scale for 1 N·m.
+    /// PWM for each N·m that holds the fingers against gravity; 0 for none. The default is the full
+    /// scale for 1 N·m.
     pub gravity_pwm_per_nm: f64,
 }
 
@@ -72,9 +74,10 @@ impl JointLoop {
         self.velocities = [0.0; WIRE_JOINTS];
     }
 
-    /// The wanted PWM of each flat joint, unclamped, for positions measured at `at` and references, both in
-    /// rad, and the cosine of the angle between the palm's normal and straight down. A number that is not finite gives a PWM that is not, which [`Hand::torque`](super::Hand::torque)
-    /// sends as 0; it does not stay in the filter.
+    /// The wanted PWM of each flat joint, unclamped, for positions measured at `at` and references,
+    /// both in rad, and the cosine of the angle between the palm's normal and straight down. A
+    /// number that is not finite gives a PWM that is not, which
+    /// [`Hand::torque`](super::Hand::torque) sends as 0; it does not stay in the filter.
     pub fn pwm(
         &mut self,
         at: Duration,

@@ -1,9 +1,11 @@
-//! Units, ranges and torque limits of the hand's joints, one entry per flat joint (index = 4 × finger + joint).
+//! Units, ranges and torque limits of the hand's joints, one entry per flat joint (index = 4 ×
+//! finger + joint).
 
 /// Joints of the hand: four fingers of four.
 pub const WIRE_JOINTS: usize = 16;
 
-/// PWM of full duty on a v4 hand (allegro_hand_ros_v4). Torque on the wire is a duty, never a measured N·m.
+/// PWM of full duty on a v4 hand (allegro_hand_ros_v4). Torque on the wire is a duty, never a
+/// measured N·m.
 pub const FULL_SCALE_PWM: i16 = 1200;
 
 /// Angle of one encoder count, rad (allegro_hand_ros_v4).
@@ -28,7 +30,8 @@ pub const JOINT_LIMITS_RAD: [[f64; 2]; WIRE_JOINTS] = {
     limits
 };
 
-/// The angle of an encoder reading, rad. No zero offsets: a v4 hand applies its own (allegro_hand_ros_v4).
+/// The angle of an encoder reading, rad. No zero offsets: a v4 hand applies its own
+/// (allegro_hand_ros_v4).
 pub fn rad_from_counts(counts: i16) -> f64 {
     f64::from(counts) * RAD_PER_COUNT
 }
@@ -38,8 +41,8 @@ pub fn counts_from_rad(rad: f64) -> i16 {
     (rad / RAD_PER_COUNT) as i16
 }
 
-/// The PWM that may be sent for a wanted one: cut towards zero, within ±`limit`, 0 for anything that is not a
-/// finite number.
+/// The PWM that may be sent for a wanted one: cut towards zero, within ±`limit`, 0 for anything
+/// that is not a finite number.
 pub fn clamp_pwm(wanted: f64, limit: i16) -> i16 {
     let limit = limit.max(0);
     if wanted.is_finite() { wanted.clamp(-f64::from(limit), f64::from(limit)) as i16 } else { 0 }

@@ -89,7 +89,8 @@ pub enum Request {
 pub enum HostMessage {
     /// Servo on.
     ServoOn,
-    /// Servo off. Users report hands that ignore it (fairo's Allegro client), so it is never sent alone.
+    /// Servo off. Users report hands that ignore it (fairo's Allegro client), so it is never sent
+    /// alone.
     ServoOff,
     /// The torque of a finger's four joints, as PWM.
     Torque {
@@ -98,8 +99,8 @@ pub enum HostMessage {
         /// PWM of its joints 0 to 3, full scale [`FULL_SCALE_PWM`](super::FULL_SCALE_PWM).
         pwm: [i16; 4],
     },
-    /// Starts the stream of positions, all four frames back to back, with this period in ms; 0 stops it. The hand's other
-    /// streams stay off.
+    /// Starts the stream of positions, all four frames back to back, with this period in ms; 0
+    /// stops it. The hand's other streams stay off.
     Positions(u16),
     /// Asks for an answer.
     Request(Request),
@@ -121,7 +122,8 @@ impl HostMessage {
     }
 }
 
-/// The status byte of the Information reply (allegro_hand_ros2, and fairo's Allegro client, which differ).
+/// The status byte of the Information reply (allegro_hand_ros2, and fairo's Allegro client, which
+/// differ).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusBits(pub u8);
 
@@ -130,7 +132,8 @@ impl StatusBits {
     pub const SERVO_ON: u8 = 1;
     /// Bit 1: too hot, in both public readings.
     pub const TEMPERATURE: u8 = 1 << 1;
-    /// Bit 2: "internal communication" to its maker, "temperature throttle" to others: bad either way.
+    /// Bit 2: "internal communication" to its maker, "temperature throttle" to others: bad either
+    /// way.
     pub const INTERNAL: u8 = 1 << 2;
     /// Bit 3, in one public reading: the hand misses frames from the host.
     pub const HOST_TIMEOUT: u8 = 1 << 3;

@@ -1,11 +1,13 @@
 //! The Allegro Hand v4 on CAN: its messages, and the driver that keeps it safe.
 //!
-//! Sources: Wonik's wiki page "CAN Protocol v4.0"; the drivers allegro_hand_ros_v4 and allegro_hand_linux_v4
-//! (<https://github.com/simlabrobotics>) and allegro_hand_ros2 (<https://github.com/Wonikrobotics-git>); the Allegro client
-//! in <https://github.com/facebookresearch/fairo>.
+//! Sources: Wonik's wiki page "CAN Protocol v4.0"; the drivers allegro_hand_ros_v4 and
+//! allegro_hand_linux_v4 (<https://github.com/simlabrobotics>) and allegro_hand_ros2
+//! (<https://github.com/Wonikrobotics-git>); the Allegro client in
+//! <https://github.com/facebookresearch/fairo>.
 //!
-//! [`Hand`] is the only path to the hand: it starts it, watches it and clamps every torque as the last step
-//! before the wire. [`JointLoop`] turns wanted joint angles into torques at the hand's own clock.
+//! [`Hand`] is the only path to the hand: it starts it, watches it and clamps every torque as the
+//! last step before the wire. [`JointLoop`] turns wanted joint angles into torques at the hand's
+//! own clock.
 
 mod assembly;
 mod codec;

@@ -18,7 +18,8 @@ const DAY_SECS: u64 = 24 * 60 * 60;
 pub struct Point {
     /// Which key the middle finger was over: MIDI number.
     pub pitch: u8,
-    /// Where that is on the rail, m: 0 in the middle of the keyboard, positive toward the high notes.
+    /// Where that is on the rail, m: 0 in the middle of the keyboard, positive toward the high
+    /// notes.
     pub rail_m: f64,
     /// Flange position in the frame of the arm's base, mm, as the arm's own software shows it.
     pub position_mm: [f64; 3],
@@ -129,8 +130,9 @@ impl Calibration {
     /// Whether it is this rig's, and all of it fresh.
     ///
     /// # Errors
-    /// If it belongs to another rig, or a point is older than `allowed_days` or dated more than a day ahead. Whether the arm
-    /// is the one that it was shown to, the controller checks when it starts.
+    /// If it belongs to another rig, or a point is older than `allowed_days` or dated more than a
+    /// day ahead. Whether the arm is the one that it was shown to, the controller checks when it
+    /// starts.
     pub fn check(&self, rig: &str, now_unix_secs: u64, allowed_days: u64) -> Result<(), CalibrationError> {
         if self.rig != rig {
             return Err(CalibrationError::Unfit(format!(
@@ -159,7 +161,8 @@ impl Calibration {
     }
 }
 
-/// A calibration with the points of the paper's rig, for tests: C1, C3 and C5, at the ends and the middle of 673 mm.
+/// A calibration with the points of the paper's rig, for tests: C1, C3 and C5, at the ends and the
+/// middle of 673 mm.
 #[cfg(test)]
 pub(crate) fn papers() -> Calibration {
     let point = |pitch, rail_m, position_mm| Point {

@@ -1,4 +1,5 @@
-//! The path of the flange along the keyboard: from a place on the rail to seven joint angles, and back.
+//! The path of the flange along the keyboard: from a place on the rail to seven joint angles, and
+//! back.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -7,7 +8,8 @@ use nalgebra::Vector3;
 use super::file::{Calibration, CalibrationError, Point};
 use crate::xarm::kinematics::{ARM_JOINTS, KinematicsError, Pose, forward, inverse, logarithm};
 
-/// Largest relative difference between the distance of two points on the rail and that of their poses.
+/// Largest relative difference between the distance of two points on the rail and that of their
+/// poses.
 const LENGTH_TOLERANCE: f64 = 0.02;
 /// Largest difference between the orientations of the points and the one that is kept, rad.
 const TURN_TOLERANCE: f64 = 0.05;
@@ -37,8 +39,8 @@ pub struct RailPath {
 }
 
 impl RailPath {
-    /// The path through the points of a calibration, tried over the whole `range` (m) of the rail, starting from joints
-    /// `near` those of its middle.
+    /// The path through the points of a calibration, tried over the whole `range` (m) of the rail,
+    /// starting from joints `near` those of its middle.
     ///
     /// # Errors
     /// If the points do not lie as the keys do, or the arm does not reach everywhere.
@@ -128,7 +130,8 @@ impl RailPath {
         Pose { position_m: from.1 + (to.1 - from.1) * share, ..self.orientation }
     }
 
-    /// Places on the rail (m), ends of `range` included, between which the path along it is straight.
+    /// Places on the rail (m), ends of `range` included, between which the path along it is
+    /// straight.
     pub fn bends(&self, [low, high]: [f64; 2]) -> [f64; 3] {
         let [_, (middle, _), _] = self.points;
         [low, middle.max(low).min(high), high]
@@ -146,7 +149,8 @@ impl RailPath {
         inverse(&self.pose(rail_m), near)
     }
 
-    /// Joints (rad) `up_m` above the middle of the path: where the arm can come and go without touching the keyboard.
+    /// Joints (rad) `up_m` above the middle of the path: where the arm can come and go without
+    /// touching the keyboard.
     ///
     /// # Errors
     /// If the arm does not reach there.
@@ -156,7 +160,8 @@ impl RailPath {
         inverse(&pose, &self.middle)
     }
 
-    /// Joints (rad) straight above where the arm stands with these, `up_m` above the height of the path there.
+    /// Joints (rad) straight above where the arm stands with these, `up_m` above the height of the
+    /// path there.
     ///
     /// # Errors
     /// If the arm does not reach there.
@@ -170,7 +175,8 @@ impl RailPath {
         inverse(&pose, joints_rad)
     }
 
-    /// Cosine of the angle between the palm's normal and straight down for these joints of the arm: on the path the palm faces down.
+    /// Cosine of the angle between the palm's normal and straight down for these joints of the arm:
+    /// on the path the palm faces down.
     pub fn palm_down(&self, joints_rad: &[f64; ARM_JOINTS]) -> f64 {
         let up = |pose: &Pose| pose.rotation.inverse() * Vector3::z();
         up(&forward(joints_rad)).dot(&up(&self.orientation))
@@ -194,8 +200,8 @@ impl RailPath {
     }
 }
 
-/// Angle between the orientations of two poses, rad. The arc cosine of the trace would be no number where rounding brings
-/// it above 1, which is where the poses agree best.
+/// Angle between the orientations of two poses, rad. The arc cosine of the trace would be no number
+/// where rounding brings it above 1, which is where the poses agree best.
 fn turned_rad(pose: &Pose, other: &Pose) -> f64 {
     logarithm(&(pose.rotation * other.rotation.inverse())).norm()
 }

@@ -13,7 +13,8 @@ impl CanFrame {
     /// Largest standard identifier.
     pub const MAX_ID: u16 = 0x7FF;
 
-    /// A data frame; `None` if the identifier has more than 11 bits or there are more than eight bytes.
+    /// A data frame; `None` if the identifier has more than 11 bits or there are more than eight
+    /// bytes.
     pub fn new(id: u16, payload: &[u8]) -> Option<Self> {
         let mut data = [0; 8];
         data.get_mut(..payload.len())?.copy_from_slice(payload);
@@ -25,7 +26,8 @@ impl CanFrame {
         (id <= Self::MAX_ID).then_some(Self { id, remote: true, len: 0, data: [0; 8] })
     }
 
-    /// A frame made of numbers that are right by construction: the upper bits of an identifier are cut off.
+    /// A frame made of numbers that are right by construction: the upper bits of an identifier are
+    /// cut off.
     pub(crate) fn of(id: u16, data: [u8; 8], len: u8) -> Self {
         Self { id: id & Self::MAX_ID, remote: false, len: len.min(8), data }
     }
@@ -79,7 +81,8 @@ pub enum CanError {
         /// Why, and what to do.
         message: String,
     },
-    /// Its controller has counted too many errors and has switched itself off: nothing is sent or received until it is reset.
+    /// Its controller has counted too many errors and has switched itself off: nothing is sent or
+    /// received until it is reset.
     #[error(
         "the CAN controller of {bus} is in bus-off, after too many errors: check the hand's supply, the cable, its \
          terminator and the bit rate, then type {reset}, and start again"

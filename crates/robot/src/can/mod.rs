@@ -25,8 +25,9 @@ const SERIAL: &str = "slcan:";
 /// What the spec of a virtual bus begins with.
 const HUB: &str = "bus:";
 
-/// Opens the bus that `spec` names: `can0` or `vcan0` (the kernel's), `slcan:/dev/ttyUSB0` (a serial adapter;
-/// the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a virtual bus).
+/// Opens the bus that `spec` names: `can0` or `vcan0` (the kernel's), `slcan:/dev/ttyUSB0` (a
+/// serial adapter; the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a virtual
+/// bus).
 ///
 /// # Errors
 /// If there is no such bus; the message names the command to type.
@@ -57,8 +58,8 @@ pub(crate) fn is_serial(spec: &str) -> bool {
     spec.starts_with(SERIAL)
 }
 
-/// Joins the bus that `spec` names while another program may be using it: a serial adapter's channel is neither set up,
-/// opened nor closed. Everything else is as in [`open`].
+/// Joins the bus that `spec` names while another program may be using it: a serial adapter's
+/// channel is neither set up, opened nor closed. Everything else is as in [`open`].
 ///
 /// # Errors
 /// If there is no such bus; the message names the command to type.

@@ -1,9 +1,10 @@
 //! The ASCII protocol of serial CAN adapters ("slcan", after the LAWICEL adapters).
 //!
-//! A command is a line that ends with a carriage return. `t18027701` is a data frame: identifier (3 hex
-//! digits), length (1), bytes; `r2000` a remote request; `T` and `R` the same with 8 digits of identifier.
-//! The adapter answers a carriage return, a `z` or `Z` before it for frames, or a bell if it refuses; frames
-//! from the bus come in between, with four more digits when time stamps are on.
+//! A command is a line that ends with a carriage return. `t18027701` is a data frame: identifier (3
+//! hex digits), length (1), bytes; `r2000` a remote request; `T` and `R` the same with 8 digits of
+//! identifier. The adapter answers a carriage return, a `z` or `Z` before it for frames, or a bell
+//! if it refuses; frames from the bus come in between, with four more digits when time stamps are
+//! on.
 
 use super::CanFrame;
 
@@ -76,7 +77,8 @@ pub fn encode_frame(frame: &CanFrame, line: &mut Vec<u8>) {
     line.push(b'\r');
 }
 
-/// The frame of a line without its carriage return; `None` for an extended one, which no device here uses.
+/// The frame of a line without its carriage return; `None` for an extended one, which no device
+/// here uses.
 ///
 /// # Errors
 /// If it is no frame.

@@ -14,7 +14,8 @@ use crate::stream::{Outbox, read_once};
 const DEFAULT_BAUD: u32 = 115_200;
 /// Largest number of bytes that wait while the stream accepts none: about 80 frames.
 const WAITING: usize = 2048;
-/// Refusals in a row, without a frame sent or received between them, after which the adapter is given up.
+/// Refusals in a row, without a frame sent or received between them, after which the adapter is
+/// given up.
 const REFUSALS: u32 = 16;
 /// Ends a half-written line of an earlier program, closes, sets 1 Mbit/s, opens.
 const OPEN: &[u8] = b"\rC\rS8\rO\r";
@@ -45,9 +46,9 @@ pub struct SlcanPort {
 }
 
 impl SlcanTransport<SlcanPort> {
-    /// Opens the adapter on a serial port, `/dev/ttyUSB0` or `/dev/ttyUSB0@115200`, on a bus of 1 Mbit/s.
-    /// Adapters that are USB devices themselves ignore the serial speed; a hand at 333 Hz needs about 600 000
-    /// baud of a true serial line.
+    /// Opens the adapter on a serial port, `/dev/ttyUSB0` or `/dev/ttyUSB0@115200`, on a bus of 1
+    /// Mbit/s. Adapters that are USB devices themselves ignore the serial speed; a hand at 333 Hz
+    /// needs about 600 000 baud of a true serial line.
     ///
     /// # Errors
     /// If the port cannot be opened.
@@ -58,8 +59,9 @@ impl SlcanTransport<SlcanPort> {
         Self::over(&format!("slcan:{spec}"), port)
     }
 
-    /// Joins the program that has opened the adapter on this port: frames go out on the channel as it is, which is left
-    /// as it is in the end. The adapter's answers go to the program that reads them first.
+    /// Joins the program that has opened the adapter on this port: frames go out on the channel as
+    /// it is, which is left as it is in the end. The adapter's answers go to the program that reads
+    /// them first.
     ///
     /// # Errors
     /// If the port cannot be opened.
@@ -172,7 +174,8 @@ impl<S: Read + Write + Send> CanTransport for SlcanTransport<S> {
 }
 
 impl<S: Read + Write + Send> Drop for SlcanTransport<S> {
-    /// Closes the channel if it is ours, so that the adapter stops sending. After a panic it stays open: the guard uses it to stop the hand.
+    /// Closes the channel if it is ours, so that the adapter stops sending. After a panic it stays
+    /// open: the guard uses it to stop the hand.
     fn drop(&mut self) {
         if !self.joined && !std::thread::panicking() {
             self.outbox.push(b"C\r");

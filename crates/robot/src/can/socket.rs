@@ -33,7 +33,8 @@ impl SocketCanTransport {
     /// Opens an interface that is up, such as `can0`.
     ///
     /// # Errors
-    /// If the kernel has no CAN, or the interface is absent or down; the message names the command to type.
+    /// If the kernel has no CAN, or the interface is absent or down; the message names the command
+    /// to type.
     pub fn open(name: &str) -> Result<Self, CanError> {
         let refuse = |message: String| CanError::Open { bus: name.to_owned(), message };
         if name.is_empty()
@@ -43,7 +44,8 @@ impl SocketCanTransport {
             let message = "no name of an interface: write can0, slcan:/dev/ttyUSB0 or bus:PATH".to_owned();
             return Err(refuse(message));
         }
-        // All interfaces at once, only to learn whether this kernel has CAN: names are looked up before that.
+        // All interfaces at once, only to learn whether this kernel has CAN: names are looked up
+        // before that.
         CanSocket::open_iface(0).map_err(|error| refuse(explain(name, &error)))?;
         let socket = CanSocket::open(name).map_err(|error| refuse(explain(name, &error)))?;
         if !is_up(name) {
@@ -58,8 +60,9 @@ impl SocketCanTransport {
         Ok(Self { name: name.to_owned(), socket, waiting: VecDeque::new(), off: false })
     }
 
-    /// Reports bus-off until it is over. The kernel signals bus-off once, by an error frame, and then accepts frames without
-    /// sending them; only the interface shows when it is over. Waiting frames are dropped: a torque must not come late.
+    /// Reports bus-off until it is over. The kernel signals bus-off once, by an error frame, and
+    /// then accepts frames without sending them; only the interface shows when it is over. Waiting
+    /// frames are dropped: a torque must not come late.
     fn watch(&mut self) -> Result<(), CanError> {
         if !self.off {
             return Ok(());

@@ -1,9 +1,9 @@
-//! The client of a virtual bus (`bus:PATH`), a CAN bus between processes over a Unix socket for emulators and for machines without
-//! CAN; the bus itself is in `etude-emulators`.
+//! The client of a virtual bus (`bus:PATH`), a CAN bus between processes over a Unix socket for
+//! emulators and for machines without CAN; the bus itself is in `etude-emulators`.
 //!
-//! Each frame is a record of 16 bytes with the layout of Linux's `struct can_frame` and a little-endian identifier:
-//! identifier and flags (4 bytes), length (1), padding (3), data (8). The bus reports bus-off by error frames, as the kernel
-//! does.
+//! Each frame is a record of 16 bytes with the layout of Linux's `struct can_frame` and a
+//! little-endian identifier: identifier and flags (4 bytes), length (1), padding (3), data (8). The
+//! bus reports bus-off by error frames, as the kernel does.
 
 use std::collections::VecDeque;
 use std::io;
@@ -90,7 +90,8 @@ impl VirtualBusLink {
         Ok(Self { stream, partial, outbox: Outbox::new(QUEUE * BusRecord::SIZE) })
     }
 
-    /// Appends the records that have come. Returns `false` if the other end is gone or has sent something else than records.
+    /// Appends the records that have come. Returns `false` if the other end is gone or has sent
+    /// something else than records.
     pub fn read(&mut self, records: &mut Vec<BusRecord>) -> bool {
         let mut bytes = [0; READ * BusRecord::SIZE];
         let Ok(len) = read_once(&mut self.stream, &mut bytes) else { return false };

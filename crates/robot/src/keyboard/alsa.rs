@@ -1,6 +1,7 @@
 //! The keyboard through the ALSA sequencer, by part of its port's name.
 //!
-//! The sequencer does not notify its listeners when a keyboard is unplugged, so the port is checked periodically.
+//! The sequencer does not notify its listeners when a keyboard is unplugged, so the port is checked
+//! periodically.
 
 use std::{
     collections::VecDeque,
@@ -13,7 +14,8 @@ use midir::{Ignore, MidiInput, MidiInputConnection, MidiInputPort};
 use super::source::{MidiError, MidiSource};
 
 const CLIENT: &str = "etude";
-/// Time between two checks. The system needs longer than this to find a keyboard that is plugged in again.
+/// Time between two checks. The system needs longer than this to find a keyboard that is plugged in
+/// again.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Bytes that wait for the driver at most, several seconds of dense playing; later ones are lost.
 const QUEUE_BYTES: usize = 8192;

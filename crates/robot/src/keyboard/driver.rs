@@ -1,14 +1,16 @@
-//! Which keys are down: the bytes of the keyboard turned into presses and releases, and what is wrong with
-//! it.
+//! Which keys are down: the bytes of the keyboard turned into presses and releases, and what is
+//! wrong with it.
 //!
-//! **What stops the robot, and what only warns.** A *fault* is what makes every further step blind or unsafe,
-//! and there is only one: the keyboard is [lost](KeyboardState::Lost). Its keys are part of what the policy
-//! sees, so a policy that continued would act on wrong observations; and a keyboard whose cable was pulled may have been
-//! moved, so that the hand would come down on a frame where keys are expected. Everything else is a *warning*
-//! ([`KeyboardWarning`]): a shifted, stuck or noisy keyboard spoils the music and the score, but the hand
-//! moves within the same limits over the same keys, and a sudden stop would not help. Warnings stay until the operator
-//! [acknowledges](Keyboard::acknowledge) them; no performance should start while there are any. A loss ends when the
-//! keyboard is back: the controller that stopped the robot decides when it may move again.
+//! **What stops the robot, and what only warns.** A *fault* is what makes every further step blind
+//! or unsafe, and there is only one: the keyboard is [lost](KeyboardState::Lost). Its keys are part
+//! of what the policy sees, so a policy that continued would act on wrong observations; and a
+//! keyboard whose cable was pulled may have been moved, so that the hand would come down on a frame
+//! where keys are expected. Everything else is a *warning* ([`KeyboardWarning`]): a shifted, stuck
+//! or noisy keyboard spoils the music and the score, but the hand moves within the same limits over
+//! the same keys, and a sudden stop would not help. Warnings stay until the operator
+//! [acknowledges](Keyboard::acknowledge) them; no performance should start while there are any. A
+//! loss ends when the keyboard is back: the controller that stopped the robot decides when it may
+//! move again.
 
 use std::{fmt, time::Duration};
 
@@ -52,7 +54,8 @@ pub enum KeyboardState {
 /// How the loss of a keyboard was noticed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LossReason {
-    /// Whatever carries its bytes ended: the cable was pulled, or the program at the other end stopped.
+    /// Whatever carries its bytes ended: the cable was pulled, or the program at the other end
+    /// stopped.
     Disconnected,
     /// It used to send active sensing, and fell silent.
     Silent,
@@ -132,8 +135,8 @@ impl fmt::Display for KeyboardWarning {
 /// The driver of the keyboard, without input or output itself.
 ///
 /// Each cycle: hand it all bytes that have come ([`receive`](Self::receive)), then the time
-/// ([`poll`](Self::poll)). A keyboard that sends no active sensing and whose cable breaks without notice
-/// looks the same as one that is not played.
+/// ([`poll`](Self::poll)). A keyboard that sends no active sensing and whose cable breaks without
+/// notice looks the same as one that is not played.
 #[derive(Clone, Debug)]
 pub struct Keyboard {
     lowest_pitch: u8,
@@ -142,17 +145,20 @@ pub struct Keyboard {
     parser: MidiParser,
     state: KeyboardState,
     pressed: u64,
-    /// Keys that were pressed or released since the connection: the first release of another belongs to a press before it.
+    /// Keys that were pressed or released since the connection: the first release of another
+    /// belongs to a press before it.
     seen: u64,
     pressed_at: [Duration; KEY_COUNT],
     /// When the last byte came, once the keyboard has shown that it sends active sensing.
     sensed_at: Option<Duration>,
     shift_watch: ShiftWatch,
     shift: Option<Shift>,
-    /// Keys that stayed down for too long: this press, and any press since the last acknowledgement.
+    /// Keys that stayed down for too long: this press, and any press since the last
+    /// acknowledgement.
     stuck_now: u64,
     stuck: u64,
-    /// Presses of keys that were down already and releases of keys that were up, since the last acknowledgement.
+    /// Presses of keys that were down already and releases of keys that were up, since the last
+    /// acknowledgement.
     unpaired: u64,
     /// Damaged parts of the stream at the last acknowledgement.
     damage_seen: u64,
@@ -184,8 +190,8 @@ impl Keyboard {
         })
     }
 
-    /// The connection was made, for the first time or again. Keys that were down are released, because releases
-    /// may have been missed.
+    /// The connection was made, for the first time or again. Keys that were down are released,
+    /// because releases may have been missed.
     pub fn connected(&mut self, now: Duration, changes: &mut Vec<KeyChange>) {
         self.release_all(now, changes);
         self.parser.restart();
@@ -202,8 +208,8 @@ impl Keyboard {
         }
     }
 
-    /// Bytes from the keyboard, in any pieces; appends what they changed. That bytes come proves that it is
-    /// there.
+    /// Bytes from the keyboard, in any pieces; appends what they changed. That bytes come proves
+    /// that it is there.
     pub fn receive(&mut self, now: Duration, bytes: &[u8], changes: &mut Vec<KeyChange>) {
         if bytes.is_empty() {
             return;
@@ -285,7 +291,8 @@ impl Keyboard {
     fn press(&mut self, now: Duration, note: u8, velocity: u8, changes: &mut Vec<KeyChange>) {
         let Some(key) = self.key(note) else { return };
         if self.pressed & (1 << key) != 0 {
-            // It cannot go down twice without coming up: the release was lost, the new onset is real.
+            // It cannot go down twice without coming up: the release was lost, the new onset is
+            // real.
             self.unpaired += 1;
             changes.push(KeyChange { at: now, key, velocity: 0 });
         }

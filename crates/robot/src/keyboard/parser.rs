@@ -51,21 +51,22 @@ pub struct MidiParser {
 }
 
 impl MidiParser {
-    /// A parser at the start of a stream, or wherever it is joined: it waits for the first status byte.
+    /// A parser at the start of a stream, or wherever it is joined: it waits for the first status
+    /// byte.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Number of damaged parts of the stream so far: data bytes without a status, ends of nothing, and
-    /// messages cut short.
+    /// Number of damaged parts of the stream so far: data bytes without a status, ends of nothing,
+    /// and messages cut short.
     ///
     /// A stream that is joined in the middle of a message counts the rest of that message too.
     pub fn damaged(&self) -> u64 {
         self.damaged
     }
 
-    /// Forgets a message that was begun and the status in force, as after a reconnect; keeps the count of the
-    /// damage.
+    /// Forgets a message that was begun and the status in force, as after a reconnect; keeps the
+    /// count of the damage.
     pub fn restart(&mut self) {
         (self.expecting, self.first) = (Expecting::Status, None);
     }

@@ -30,7 +30,8 @@ impl MidiPort {
         Ok(Self { source: Some(open(spec)?), ..Self::new(spec) })
     }
 
-    /// Appends the bytes that have come. A keyboard that is gone is looked for once a second. Never blocks.
+    /// Appends the bytes that have come. A keyboard that is gone is looked for once a second. Never
+    /// blocks.
     ///
     /// # Errors
     /// As long as it is not connected; bytes that came before are still appended.

@@ -1,5 +1,5 @@
-//! Detects whether the keyboard is transposed. Its octave buttons send no message, so only notes beyond its keys
-//! show it.
+//! Detects whether the keyboard is transposed. Its octave buttons send no message, so only notes
+//! beyond its keys show it.
 
 use std::fmt;
 
@@ -7,10 +7,10 @@ use super::KEY_COUNT;
 
 /// By how much the notes of the keyboard are shifted, as far as the notes so far show.
 ///
-/// The notes of an unshifted keyboard go from `lowest_pitch` to `lowest_pitch` + 48. A note beyond them
-/// gives a lower bound of the shift; a note at the other end gives an upper bound.
-/// A shift whose notes all happen to lie on the keyboard cannot be seen: press the lowest and the highest key
-/// to be sure.
+/// The notes of an unshifted keyboard go from `lowest_pitch` to `lowest_pitch` + 48. A note beyond
+/// them gives a lower bound of the shift; a note at the other end gives an upper bound. A shift
+/// whose notes all happen to lie on the keyboard cannot be seen: press the lowest and the highest
+/// key to be sure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shift {
     /// Lowest shift that explains every note so far, in semitones.
@@ -42,8 +42,8 @@ impl Shift {
         (self.lowest_semitones == self.highest_semitones).then_some(self.lowest_semitones)
     }
 
-    /// The simplest explanation in semitones: whole octaves where they can be, as few as possible, otherwise
-    /// the least transposition. Zero unless [`is_certain`](Self::is_certain).
+    /// The simplest explanation in semitones: whole octaves where they can be, as few as possible,
+    /// otherwise the least transposition. Zero unless [`is_certain`](Self::is_certain).
     pub fn likely_semitones(&self) -> i16 {
         let (least, most, sign) = match (self.lowest_semitones, self.highest_semitones) {
             (lowest, highest) if lowest > 0 => (lowest, highest, 1),
@@ -107,8 +107,8 @@ impl ShiftWatch {
             highest_semitones: old.highest_semitones.min(new.highest_semitones),
             ..new
         });
-        // No single shift explains all notes: a button was pressed in between, and only the newest note
-        // counts.
+        // No single shift explains all notes: a button was pressed in between, and only the newest
+        // note counts.
         let shift = both.filter(|both| both.lowest_semitones <= both.highest_semitones).unwrap_or(new);
         self.seen = Some(shift);
         shift.is_certain().then_some(shift)

@@ -43,10 +43,11 @@ pub enum MidiError {
 
 /// Where the bytes of a keyboard come from.
 pub trait MidiSource: Send {
-    /// Appends the bytes that have come since the last call, at most a few thousand at once. Never blocks.
+    /// Appends the bytes that have come since the last call, at most a few thousand at once. Never
+    /// blocks.
     ///
     /// # Errors
-    /// If the keyboard is gone: drop the source and [`open`](super::open) it again. Bytes that came before are appended
-    /// still.
+    /// If the keyboard is gone: drop the source and [`open`](super::open) it again. Bytes that came
+    /// before are appended still.
     fn receive(&mut self, out: &mut Vec<u8>) -> Result<(), MidiError>;
 }

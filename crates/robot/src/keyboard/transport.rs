@@ -1,6 +1,8 @@
-//! What carries the bytes of the keyboard: a socket of the emulator, a raw device or serial line, or ALSA.
+//! What carries the bytes of the keyboard: a socket of the emulator, a raw device or serial line,
+//! or ALSA.
 //!
-//! Thin wrappers: no call blocks, and the only decision here is whether the other end is still connected.
+//! Thin wrappers: no call blocks, and the only decision here is whether the other end is still
+//! connected.
 
 use std::{
     fs::{File, OpenOptions},
@@ -15,8 +17,8 @@ use std::{
 use super::source::{MidiError, MidiSource};
 use crate::stream::read_available;
 
-/// Opens a keyboard: `alsa:NAME` (part of a port's name), `raw:PATH` (a raw MIDI device, serial line or pty)
-/// or `midi:PATH` (the socket of an emulator).
+/// Opens a keyboard: `alsa:NAME` (part of a port's name), `raw:PATH` (a raw MIDI device, serial
+/// line or pty) or `midi:PATH` (the socket of an emulator).
 ///
 /// # Errors
 /// If the specification is wrong or nothing is there.
@@ -60,11 +62,13 @@ fn open_raw(spec: &str, path: &str) -> io::Result<Box<dyn MidiSource>> {
         return Err(io::Error::new(ErrorKind::InvalidInput, "it is no device"));
     }
     if !file.is_terminal() {
-        // A raw MIDI device drops what comes before it is read for the first time. Reading nothing is enough.
+        // A raw MIDI device drops what comes before it is read for the first time. Reading nothing
+        // is enough.
         let _ = (&file).read(&mut [])?;
         return Ok(Box::new(Stream::<File> { spec: spec.to_owned(), reader: file }));
     }
-    // A terminal would gather lines and interpret control characters: the serial port turns all of that off.
+    // A terminal would gather lines and interpret control characters: the serial port turns all of
+    // that off.
     drop(file);
     let port = serialport::new(path, DIN_BAUD).timeout(Duration::ZERO).open_native()?;
     Ok(Box::new(Stream { spec: spec.to_owned(), reader: port }))
@@ -89,7 +93,8 @@ mod tests {
 
     use super::*;
 
-    /// Reads until something is there; the other end has written already, so this is a matter of a moment.
+    /// Reads until something is there; the other end has written already, so this is a matter of a
+    /// moment.
     fn read(source: &mut dyn MidiSource, count: usize) -> Vec<u8> {
         let mut bytes = Vec::new();
         for _ in 0..2000 {

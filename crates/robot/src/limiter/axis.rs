@@ -3,8 +3,8 @@
 use super::limits::AxisLimits;
 use super::motion::{Motion, ROUNDING};
 
-/// Steps of the search for the best admissible acceleration: 2⁻²⁰ of what the jerk allows in one step is far below
-/// what a device resolves.
+/// Steps of the search for the best admissible acceleration: 2⁻²⁰ of what the jerk allows in one
+/// step is far below what a device resolves.
 const SEARCH: usize = 20;
 
 /// Which limit kept a set-point from its target.
@@ -58,14 +58,16 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis at rest at `position` (moved into the range), whose set-point is computed every `step_secs`.
+    /// An axis at rest at `position` (moved into the range), whose set-point is computed every
+    /// `step_secs`.
     pub fn at_rest(limits: AxisLimits, step_secs: f64, position: f64) -> Self {
         let mut axis = Self { limits, step_secs, state: Motion::default(), targets: [0.0; 3] };
         axis.rest(position);
         axis
     }
 
-    /// Back to rest at `position`, moved into the range; the middle of the range if it is not finite.
+    /// Back to rest at `position`, moved into the range; the middle of the range if it is not
+    /// finite.
     pub fn rest(&mut self, position: f64) {
         let [low, high] = self.limits.position;
         let position = if position.is_nan() { (low + high) / 2.0 } else { position.clamp(low, high) };
@@ -88,7 +90,8 @@ impl Axis {
         self.state.velocity
     }
 
-    /// Moves the set-point one step toward `target`; returns the limit that kept it from reaching it, if it did not.
+    /// Moves the set-point one step toward `target`; returns the limit that kept it from reaching
+    /// it, if it did not.
     pub fn step(&mut self, target: f64) -> Option<Clamp> {
         let [low, high] = self.limits.position;
         let asked = if target.is_nan() { self.targets[0] } else { target };
@@ -138,7 +141,8 @@ impl Axis {
         }
     }
 
-    /// The viable state nearest to one that catches up with the target as fast as possible without passing it.
+    /// The viable state nearest to one that catches up with the target as fast as possible without
+    /// passing it.
     fn toward(&self, target: f64) -> Motion {
         let dt = self.step_secs;
         let ramp = self.limits.jerk * dt;
@@ -181,7 +185,8 @@ impl Axis {
     }
 }
 
-/// The value closest to `to` for which `holds` was seen to hold, searched by halving from `from`; `from` if for none.
+/// The value closest to `to` for which `holds` was seen to hold, searched by halving from `from`;
+/// `from` if for none.
 fn last_that(from: f64, to: f64, holds: impl Fn(f64) -> bool) -> f64 {
     let (mut good, mut bad) = (from, to);
     for _ in 0..SEARCH {
@@ -326,7 +331,8 @@ mod tests {
     fn a_stream_within_the_limits_passes_unchanged() {
         let mut axis = Axis::at_rest(rail(), STEP, 0.0);
         for step in 0..1000 {
-            // 5 cm and back twice a second: at most 0.31 m/s and 2 m/s², and starting without a jerk.
+            // 5 cm and back twice a second: at most 0.31 m/s and 2 m/s², and starting without a
+            // jerk.
             let secs = f64::from(step) * STEP;
             let target = 0.05 * (1.0 - (std::f64::consts::TAU * secs).cos()) * (secs / 2.0).min(1.0);
             assert_eq!(axis.step(target), None, "at {secs} s");

@@ -10,7 +10,8 @@ pub(super) struct Motion {
     pub acceleration: f64,
 }
 
-/// Steps that are looked ahead while braking: far more than a stop may take on a grid of milliseconds.
+/// Steps that are looked ahead while braking: far more than a stop may take on a grid of
+/// milliseconds.
 const MAX_BRAKE_STEPS: usize = 20_000;
 /// Rounding allowed for in comparisons with limits, as a fraction.
 pub(super) const ROUNDING: f64 = 1e-9;

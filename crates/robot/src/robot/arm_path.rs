@@ -1,7 +1,8 @@
-//! The arm's path between two places away from the keyboard, straight in joint space, as targets of the servo mode.
+//! The arm's path between two places away from the keyboard, straight in joint space, as targets of
+//! the servo mode.
 //!
-//! A planned move of the arm's controller would continue without us to its end. A servo target ends in place: if this program is killed, the
-//! arm stands a few millimetres later.
+//! A planned move of the arm's controller would continue without us to its end. A servo target ends
+//! in place: if this program is killed, the arm stands a few millimetres later.
 
 use std::time::Duration;
 
@@ -107,7 +108,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig { cases: 60, ..Default::default() })]
-        /// Whatever pauses: joints and flange stay within their limits from target to target, and the path ends where it should.
+        /// Whatever pauses: joints and flange stay within their limits from target to target, and
+        /// the path ends where it should.
         #[test]
         fn a_path_keeps_its_limits_and_ends(
             turns in prop::array::uniform7(-1.0..1.0_f64),

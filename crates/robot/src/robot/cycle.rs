@@ -12,13 +12,15 @@ use crate::limiter::Axis;
 use crate::wires::Wires;
 use crate::xarm::ArmState;
 
-/// Time between two releases of a stopped hand: a frame may be lost, and a failed bus may come back.
+/// Time between two releases of a stopped hand: a frame may be lost, and a failed bus may come
+/// back.
 const RELEASE_INTERVAL: Duration = Duration::from_millis(100);
 /// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
 const MAX_GAP: Duration = Duration::from_millis(100);
 
 impl Robot {
-    /// Receives what has arrived, computes what is due, and sends it. Call it at least every few milliseconds.
+    /// Receives what has arrived, computes what is due, and sends it. Call it at least every few
+    /// milliseconds.
     pub fn poll(&mut self, now: Duration, wires: &mut dyn Wires) {
         self.keyboard.receive(now, wires, &mut self.bytes, &mut self.status.journal);
         if let Err(fault) = self.receive(now, wires) {
@@ -53,8 +55,8 @@ impl Robot {
         }
     }
 
-    /// Receives all frames before torques are computed, once and from the newest angles. After a late poll, torques from
-    /// older periods would be computed from outdated angles.
+    /// Receives all frames before torques are computed, once and from the newest angles. After a
+    /// late poll, torques from older periods would be computed from outdated angles.
     fn receive(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
         let arm = self.receive_arm(now, wires);
         while let Some(frame) = wires.next_frame()? {
@@ -213,7 +215,8 @@ impl Robot {
         self.status.enter(now, Phase::Fault);
     }
 
-    /// Updates the fault when the arm has reported the number of its error, which is requested after the stop.
+    /// Updates the fault when the arm has reported the number of its error, which is requested
+    /// after the stop.
     fn update_fault(&mut self, now: Duration) {
         if let (Some(Fault::Arm(reported)), ArmState::Fault(known)) =
             (&mut self.status.fault, self.rail_arm.arm.state())
@@ -224,7 +227,8 @@ impl Robot {
         }
     }
 
-    /// Zero torque and servo off for the hand, state 4 for the arm; errors of the connections are ignored.
+    /// Zero torque and servo off for the hand, state 4 for the arm; errors of the connections are
+    /// ignored.
     pub(super) fn release(&mut self, now: Duration, wires: &mut dyn Wires) {
         self.status.released_at = now;
         self.status.first_released_at.get_or_insert(now);

@@ -1,12 +1,13 @@
-//! Checks that the hand's joints follow their references: a joint that is blocked, or whose motor has failed, does not.
+//! Checks that the hand's joints follow their references: a joint that is blocked, or whose motor
+//! has failed, does not.
 
 use std::time::Duration;
 
 use crate::allegro::{JOINT_LIMITS_RAD, WIRE_JOINTS};
 use crate::rig::LimitsConfig;
 
-/// Share of a joint's range that it may be from its reference at most: a joint with a short range could otherwise be blocked at its stop
-/// without ever being far enough.
+/// Share of a joint's range that it may be from its reference at most: a joint with a short range
+/// could otherwise be blocked at its stop without ever being far enough.
 const MAX_SHARE_OF_RANGE: f64 = 0.25;
 
 /// Watches how far each joint of the hand is from its reference, and for how long.
@@ -40,7 +41,8 @@ impl FollowingError {
         }
     }
 
-    /// A joint, as on the wire, that has been far from its reference for too long, and how far, rad.
+    /// A joint, as on the wire, that has been far from its reference for too long, and how far,
+    /// rad.
     pub fn found(&self) -> Option<(usize, f64)> {
         self.found
     }

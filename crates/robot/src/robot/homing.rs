@@ -37,8 +37,8 @@ impl Robot {
         Ok(())
     }
 
-    /// Sends the arm to a via point as soon as the fingers are out of its way; straight up from the keys at once, because
-    /// a finger may be caught there.
+    /// Sends the arm to a via point as soon as the fingers are out of its way; straight up from the
+    /// keys at once, because a finger may be caught there.
     fn set_out(&mut self, now: Duration, via: ViaPoint) -> Result<(), Fault> {
         let Some(plan) = &mut self.motion.plan else { return Ok(()) };
         let (joint, by_rad) = farthest(&self.hand.positions(), &self.set_points.positions());

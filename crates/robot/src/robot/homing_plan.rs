@@ -52,7 +52,8 @@ impl HomingPlan {
         Self { slow, via, path: None, arrived_by, from_keys: false, goal }
     }
 
-    /// Whether the arm goes straight up now with the fingers as they are, because one may be caught.
+    /// Whether the arm goes straight up now with the fingers as they are, because one may be
+    /// caught.
     pub fn frees_fingers(&self) -> bool {
         self.from_keys && self.via == Some(ViaPoint::Up)
     }
@@ -90,11 +91,12 @@ const VIA_POINTS: [(ViaPoint, &str); 3] = [
     (ViaPoint::Above, "above the keyboard"),
     (ViaPoint::Home, "the path between home and the keyboard"),
 ];
-/// Distance of the sides of a proposed box from the flange's positions, mm: where a ringing arm or hand-guiding brings it.
+/// Distance of the sides of a proposed box from the flange's positions, mm: where a ringing arm or
+/// hand-guiding brings it.
 const MARGIN_MM: f64 = 60.0;
 
-/// Whether the paths that every move to the keyboard has in common, and the whole `range` of the rail (m), stay in the
-/// arm's box.
+/// Whether the paths that every move to the keyboard has in common, and the whole `range` of the
+/// rail (m), stay in the arm's box.
 pub(super) fn check_fence(fence: &Fence, path: &RailPath, range: [f64; 2]) -> Result<(), RobotError> {
     for rail_m in path.bends(range) {
         let held = fence.holds(&path.pose(rail_m).position_m);
@@ -112,8 +114,8 @@ pub(super) fn check_fence(fence: &Fence, path: &RailPath, range: [f64; 2]) -> Re
     Ok(())
 }
 
-/// A box for the arm that holds the `range` of the rail (m), also when the arm goes straight up from there, and the
-/// paths to the keyboard.
+/// A box for the arm that holds the `range` of the rail (m), also when the arm goes straight up
+/// from there, and the paths to the keyboard.
 ///
 /// # Errors
 /// If no box that the controller takes does.

@@ -1,24 +1,26 @@
-//! Why the hand may not move along the keyboard as it is asked to: the arm has not followed, or a finger would be
-//! dragged against the fences.
+//! Why the hand may not move along the keyboard as it is asked to: the arm has not followed, or a
+//! finger would be dragged against the fences.
 
 use super::rail_arm::RailArm;
 use crate::allegro::{Hand, PLAYING, WIRE_JOINTS, tip_depths};
 use crate::keyboard::Keyboard;
 use crate::limiter::{Axis, Clamp};
 
-/// Largest distance of the rail's set-point ahead of the arm, m: a tenth of a second at 0.6 m/s. Playing on the twin
-/// reaches 38 mm. The torque clamp does the same for the fingers: policies press by asking for up to 1.6 rad more than
-/// a key allows.
+/// Largest distance of the rail's set-point ahead of the arm, m: a tenth of a second at 0.6 m/s.
+/// Playing on the twin reaches 38 mm. The torque clamp does the same for the fingers: policies
+/// press by asking for up to 1.6 rad more than a key allows.
 const MAX_AHEAD_M: f64 = 0.06;
-/// The same ahead of the arm's target while a finger is down, m: the arm may then not hurry after it.
+/// The same ahead of the arm's target while a finger is down, m: the arm may then not hurry after
+/// it.
 const MAX_AHEAD_OF_TARGET_M: f64 = 0.02;
 /// Height of the fingers' roots over the tops of the white keys when the arm is on its path, m
 /// (lasr-lab/learning-to-play-piano; the keys are 22.5 mm high there).
 pub const ROOTS_OVER_KEYS_M: f64 = 0.12 - 0.0225;
-/// A fingertip that is so far below the tops of the white keys is between two fences, m. Their tops are at 2 mm; a white
-/// key sounds at 3 mm where it is played.
+/// A fingertip that is so far below the tops of the white keys is between two fences, m. Their tops
+/// are at 2 mm; a white key sounds at 3 mm where it is played.
 const BETWEEN_FENCES_M: f64 = 0.003;
-/// A fingertip that is no higher over the tops of the white keys may press a black one, m: their tops are 12.5 mm over them.
+/// A fingertip that is no higher over the tops of the white keys may press a black one, m: their
+/// tops are 12.5 mm over them.
 const OVER_BLACK_M: f64 = 0.013;
 
 /// Holds the rail back while a finger is down.
@@ -29,8 +31,9 @@ pub(super) struct Interlock {
 }
 
 impl Interlock {
-    /// `max_velocity` is that of the rail while a finger is down. A finger is down if a key sounds, or a fingertip is as
-    /// low as between two fences: a keyboard that is silent does not show the latter.
+    /// `max_velocity` is that of the rail while a finger is down. A finger is down if a key sounds,
+    /// or a fingertip is as low as between two fences: a keyboard that is silent does not show the
+    /// latter.
     pub fn new(hand: &Hand, keyboard: &Keyboard, max_velocity: f64) -> Self {
         let is_low = |depth: f64| depth > ROOTS_OVER_KEYS_M + BETWEEN_FENCES_M;
         let finger_is_down = keyboard.pressed() != 0 || tip_depths(&hand.positions()).into_iter().any(is_low);
@@ -56,7 +59,8 @@ impl Interlock {
     }
 }
 
-/// Which fingertips may press a key: friction and fences then hold the finger's rotation at the palm on both sides.
+/// Which fingertips may press a key: friction and fences then hold the finger's rotation at the
+/// palm on both sides.
 pub(super) fn may_press(positions: &[f64; WIRE_JOINTS], is_on_path: bool) -> [bool; PLAYING] {
     tip_depths(positions).map(|depth| is_on_path && depth > ROOTS_OVER_KEYS_M - OVER_BLACK_M)
 }

@@ -1,5 +1,5 @@
-//! Turns each joint of the hand a little and back, one after the other: finds a joint whose encoder counts in the wrong
-//! direction, or whose torque has no effect, before anything is played.
+//! Turns each joint of the hand a little and back, one after the other: finds a joint whose encoder
+//! counts in the wrong direction, or whose torque has no effect, before anything is played.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -12,8 +12,9 @@ use crate::pace::Pace;
 
 /// How many joints are turned: those of the fingers and of the thumb.
 pub const JOINTS_CHECKED: usize = WIRE_JOINTS;
-/// How far a joint is sent, rad. More than 0.07 is a stuck joint if it stands both ways, and more than 0.15 there and back
-/// a frozen finger if it repeats its positions ([`super::stuck_joint`], [`super::plausibility`]).
+/// How far a joint is sent, rad. More than 0.07 is a stuck joint if it stands both ways, and more
+/// than 0.15 there and back a frozen finger if it repeats its positions ([`super::stuck_joint`],
+/// [`super::plausibility`]).
 const SENT_RAD: f64 = 0.065;
 /// The smallest share of this that it must turn. Friction and backlash keep the rest.
 const MIN_SHARE: f64 = 0.4;
@@ -49,12 +50,14 @@ impl JointCheck {
     }
 }
 
-/// Turns each joint of the hand a little and back, slowly. The robot must hold still; the arm stays where it is. The fingers' joints turn
-/// away from the keys, their rotations at the palm and the thumb's joints towards the middle of their ranges. A rotation that does not turn
-/// there turns the other way too: without power a finger may have sunk beside a fence.
+/// Turns each joint of the hand a little and back, slowly. The robot must hold still; the arm stays
+/// where it is. The fingers' joints turn away from the keys, their rotations at the palm and the
+/// thumb's joints towards the middle of their ranges. A rotation that does not turn there turns the
+/// other way too: without power a finger may have sunk beside a fence.
 ///
-/// The check of each joint, in the order of the wire: fewer than [`JOINTS_CHECKED`] if one turned in the wrong direction, in which case the robot
-/// is stopped, or if the robot was stopped otherwise or `interrupt` was set.
+/// The check of each joint, in the order of the wire: fewer than [`JOINTS_CHECKED`] if one turned
+/// in the wrong direction, in which case the robot is stopped, or if the robot was stopped
+/// otherwise or `interrupt` was set.
 ///
 /// # Errors
 /// If the robot does not hold still.
@@ -78,7 +81,8 @@ pub fn check_joints(
     Ok(done)
 }
 
-/// Turns a joint by `sent_rad` and back: how far it turned, if it had the time, and whether the robot holds still again.
+/// Turns a joint by `sent_rad` and back: how far it turned, if it had the time, and whether the
+/// robot holds still again.
 fn there_and_back(
     robot: &mut Robot,
     pace: &mut dyn Pace,
@@ -111,7 +115,8 @@ fn rotates(joint: usize) -> bool {
     joint < HAND_DRIVEN_JOINTS && joint.is_multiple_of(4)
 }
 
-/// Lets time pass until a move is over and the joint at rest; `false` if the robot was stopped, or as soon as `looks_right` is `false`.
+/// Lets time pass until a move is over and the joint at rest; `false` if the robot was stopped, or
+/// as soon as `looks_right` is `false`.
 fn settle(robot: &mut Robot, pace: &mut dyn Pace, mut looks_right: impl FnMut(&Robot) -> bool) -> bool {
     let mut until = pace.now() + SETTLE;
     while pace.now() < until {
@@ -135,7 +140,8 @@ fn measured(robot: &Robot, joint: usize) -> f64 {
     robot.hand.positions().get(joint).copied().unwrap_or_default()
 }
 
-/// A small turn of a joint within its range: of a finger away from the keys if there is room, otherwise towards the middle.
+/// A small turn of a joint within its range: of a finger away from the keys if there is room,
+/// otherwise towards the middle.
 fn clear_turn(robot: &Robot, joint: usize) -> f64 {
     let [low, high] = robot.config.axes().get(joint).map_or([0.0; 2], |axis| axis.position);
     let at = set_point(robot, joint);

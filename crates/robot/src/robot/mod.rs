@@ -1,9 +1,10 @@
-//! The controller of a whole robot: hand, arm and keyboard, their limits, and what happens when one of them fails.
+//! The controller of a whole robot: hand, arm and keyboard, their limits, and what happens when one
+//! of them fails.
 //!
-//! [`Robot`] is polled with the time and its [`Wires`]; between polls the caller gives it a trajectory to
-//! [`follow`](Robot::follow). Set-points go through the limiter on a grid of [`SETPOINT_HZ`](crate::rig::SETPOINT_HZ);
-//! from there the rail becomes joint angles of the arm, and the fingers become torques at the hand's own clock. There is
-//! no other path to either device.
+//! [`Robot`] is polled with the time and its [`Wires`]; between polls the caller gives it a
+//! trajectory to [`follow`](Robot::follow). Set-points go through the limiter on a grid of
+//! [`SETPOINT_HZ`](crate::rig::SETPOINT_HZ); from there the rail becomes joint angles of the arm,
+//! and the fingers become torques at the hand's own clock. There is no other path to either device.
 //!
 //! ```text
 //! off ─start─► starting ─► holding ◄──────► following
@@ -98,7 +99,8 @@ impl Robot {
     /// A controller for this rig and the place of its keyboard.
     ///
     /// # Errors
-    /// If the configuration is not sound, or its box for the arm does not hold the keyboard and the path there.
+    /// If the configuration is not sound, or its box for the arm does not hold the keyboard and the
+    /// path there.
     pub fn new(config: &RigConfig, path: RailPath) -> Result<Self, RobotError> {
         config.check()?;
         if let Some(fence) = &config.arm.fence_mm {
@@ -142,7 +144,8 @@ impl Robot {
         }
     }
 
-    /// `etude robot stop` was called, which stops hand and arm itself: that is not the fault that it looked like.
+    /// `etude robot stop` was called, which stops hand and arm itself: that is not the fault that
+    /// it looked like.
     pub fn stop_was_requested(&mut self, now: Duration) {
         let is_the_stop = match &self.status.fault {
             Some(Fault::Hand(fault)) => matches!(fault, HandFault::ServoOff | HandFault::OtherProgram),
@@ -189,7 +192,8 @@ impl Robot {
         driven(&self.set_points.positions())
     }
 
-    /// The joint of the hand, as on the wire, that is farther from its set-point than `start_finger_rad`, and how far, rad.
+    /// The joint of the hand, as on the wire, that is farther from its set-point than
+    /// `start_finger_rad`, and how far, rad.
     pub fn astray(&self) -> Option<(usize, f64)> {
         let (joint, by_rad) = farthest(&self.hand.positions(), &self.set_points.positions());
         (by_rad > self.config.limits.start_finger_rad).then_some((joint, by_rad))

@@ -1,4 +1,5 @@
-//! What moves the set-points: a plan of slow moves, or a trajectory; without either they brake and hold.
+//! What moves the set-points: a plan of slow moves, or a trajectory; without either they brake and
+//! hold.
 
 use std::time::Duration;
 

@@ -11,8 +11,9 @@ const MAX_HEAT: f64 = 0.8;
 /// A longer time between two periods is one without torque.
 const MAX_PERIOD: Duration = Duration::from_millis(50);
 
-/// The heat of the motors: for each joint the mean of its squared torque in the last seconds, as the losses of a motor are. The torque is
-/// a share of the joint's limit, so that the heat is between 0 and 1.
+/// The heat of the motors: for each joint the mean of its squared torque in the last seconds, as
+/// the losses of a motor are. The torque is a share of the joint's limit, so that the heat is
+/// between 0 and 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorHeat {
     joints: [f64; WIRE_JOINTS],

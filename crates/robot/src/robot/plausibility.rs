@@ -1,8 +1,10 @@
-//! Measurements that are not plausible: values that repeat while the robot was sent elsewhere, joints that push at their limit for long or
-//! stand although they are pushed both ways, and an arm that is not where it was sent.
+//! Measurements that are not plausible: values that repeat while the robot was sent elsewhere,
+//! joints that push at their limit for long or stand although they are pushed both ways, and an arm
+//! that is not where it was sent.
 //!
-//! The thresholds are judgements. Playing on the twin (`standard` and `worn`, real execution) reaches 0.57 of the 0.8 for torques, 38 of the
-//! 80 mm along the keyboard, and no finger repeats itself.
+//! The thresholds are judgements. Playing on the twin (`standard` and `worn`, real execution)
+//! reaches 0.57 of the 0.8 for torques, 38 of the 80 mm along the keyboard, and no finger repeats
+//! itself.
 
 use std::time::Duration;
 
@@ -22,15 +24,18 @@ const SENT_M: f64 = 0.02;
 const AWAY_SHARE: f64 = 0.1;
 /// Longest time for which the arm may be away from where it was sent.
 const AWAY: Duration = Duration::from_millis(150);
-/// How far along the keyboard, m, while it is sent nowhere, and at most: a tenth of a second at the highest speed of the rail.
+/// How far along the keyboard, m, while it is sent nowhere, and at most: a tenth of a second at the
+/// highest speed of the rail.
 const AWAY_AT_REST_M: f64 = 0.02;
 const AWAY_M: f64 = 0.08;
-/// Lag of the arm by which it may be farther away while it is sent along the keyboard, s, and how fast the speed is forgotten, s.
+/// Lag of the arm by which it may be farther away while it is sent along the keyboard, s, and how
+/// fast the speed is forgotten, s.
 const LAG_SECS: f64 = 0.1;
 const SPEED_SECS: f64 = 0.3;
 /// How far a joint of the arm may be from where it stands away from the keyboard, rad.
 const MOVED_RAD: f64 = 0.02;
-/// How far a joint of the arm may be from where it was sent on the way to the keyboard, rad: a third of a second at the speed of that way.
+/// How far a joint of the arm may be from where it was sent on the way to the keyboard, rad: a
+/// third of a second at the speed of that way.
 const AWAY_RAD: f64 = 0.1;
 /// How far a joint of the arm was sent on that way while its reports repeat, rad.
 const SENT_ARM_RAD: f64 = 0.05;
@@ -129,7 +134,8 @@ pub enum Implausible {
     },
 }
 
-/// Values that were reported, and the lowest and highest places where the joints were sent while they stayed the same.
+/// Values that were reported, and the lowest and highest places where the joints were sent while
+/// they stayed the same.
 #[derive(Clone, Copy, Debug)]
 struct Reported<const N: usize, const SENT: usize> {
     values: [f64; N],
@@ -139,7 +145,8 @@ struct Reported<const N: usize, const SENT: usize> {
 }
 
 impl<const N: usize, const SENT: usize> Reported<N, SENT> {
-    /// Takes new values; if they stay the same although the joints were sent back and forth by more than `least`, for how long, and how far.
+    /// Takes new values; if they stay the same although the joints were sent back and forth by more
+    /// than `least`, for how long, and how far.
     fn take(
         this: &mut Option<Self>,
         at: Duration,
@@ -176,7 +183,8 @@ pub(super) struct PlausibilityChecks {
     arm: Option<Reported<{ kinematics::ARM_JOINTS }, 1>>,
     arm_way: Option<Reported<{ kinematics::ARM_JOINTS }, { kinematics::ARM_JOINTS }>>,
     away_since: Option<Duration>,
-    /// When the arm reported last, where it was sent then along the keyboard, m, and the greatest speed of that lately, m/s.
+    /// When the arm reported last, where it was sent then along the keyboard, m, and the greatest
+    /// speed of that lately, m/s.
     arm_at: Option<Duration>,
     arm_sent_m: Option<f64>,
     arm_speed: f64,
@@ -189,7 +197,8 @@ impl PlausibilityChecks {
         *self = Self { motor_heat: self.motor_heat, ..Self::default() };
     }
 
-    /// Takes a period's angles, where the joints were sent (rad), the torques, and which fingers may press a key.
+    /// Takes a period's angles, where the joints were sent (rad), the torques, and which fingers
+    /// may press a key.
     pub fn hand(
         &mut self,
         at: Duration,
@@ -216,7 +225,8 @@ impl PlausibilityChecks {
         }
     }
 
-    /// Takes a report of the arm, where that is, and where the arm was sent last along the keyboard, m.
+    /// Takes a report of the arm, where that is, and where the arm was sent last along the
+    /// keyboard, m.
     pub fn arm(
         &mut self,
         at: Duration,
@@ -244,7 +254,8 @@ impl PlausibilityChecks {
         }
     }
 
-    /// The same on the arm's way to the keyboard, or while it stands away from it; `sent` are joints (rad).
+    /// The same on the arm's way to the keyboard, or while it stands away from it; `sent` are
+    /// joints (rad).
     pub fn arm_elsewhere(
         &mut self,
         at: Duration,

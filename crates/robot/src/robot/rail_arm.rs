@@ -19,7 +19,8 @@ use crate::xarm::{Arm, ArmConfig};
 const ON_PATH_M: f64 = 0.005;
 /// The same for its orientation, rad.
 const ON_PATH_RAD: f64 = 0.03;
-/// Within this of the path and below [`CLEAR_M`], a move of all joints could sweep over the keys, m.
+/// Within this of the path and below [`CLEAR_M`], a move of all joints could sweep over the keys,
+/// m.
 const NEAR_KEYS_M: f64 = 0.15;
 
 /// A report of the arm.
@@ -38,7 +39,8 @@ pub(super) struct RailArm {
     sent: Option<[f64; ARM_JOINTS]>,
     /// Where it stood when the robot began to hold still, rad.
     stood: Option<[f64; ARM_JOINTS]>,
-    /// How far from its path that was, rad: eased out, so that the first target is where the arm stands.
+    /// How far from its path that was, rad: eased out, so that the first target is where the arm
+    /// stands.
     offset: [f64; ARM_JOINTS],
     /// When it reported last.
     reported_at: Option<Duration>,
@@ -100,7 +102,8 @@ impl RailArm {
         self.arm.sent().or(self.stood)
     }
 
-    /// Receives what has arrived, starts the arm when it is connected, and stops it if it comes back after a stop.
+    /// Receives what has arrived, starts the arm when it is connected, and stops it if it comes
+    /// back after a stop.
     pub fn receive(
         &mut self,
         now: Duration,
@@ -151,7 +154,8 @@ impl RailArm {
         Err(Fault::OtherArm { found: found.to_string(), expected: expected.to_string() })
     }
 
-    /// Begins to hold still at `place`, which is `outside_m` outside the rail's range: on its path if it is near enough.
+    /// Begins to hold still at `place`, which is `outside_m` outside the rail's range: on its path
+    /// if it is near enough.
     pub fn settle(
         &mut self,
         now: Duration,
@@ -199,9 +203,9 @@ impl RailArm {
         pause > config.servo_period() * 7 / 4
     }
 
-    /// Sends the next target along the keyboard. After late replies the rail's set-point is far ahead: the arm catches up
-    /// with it within the same limits, from rest if it has paused. `left` is the share of the offset that is left,
-    /// `eased_m` what the easing adds to the rail.
+    /// Sends the next target along the keyboard. After late replies the rail's set-point is far
+    /// ahead: the arm catches up with it within the same limits, from rest if it has paused. `left`
+    /// is the share of the offset that is left, `eased_m` what the easing adds to the rail.
     pub fn follow_rail(
         &mut self,
         now: Duration,
@@ -236,7 +240,8 @@ impl RailArm {
         if place.beside_m <= NEAR_KEYS_M && above_m < CLEAR_M { ViaPoint::Up } else { ViaPoint::Home }
     }
 
-    /// Whether the arm's path from where it stands to a via point, and from there home, stays in its box.
+    /// Whether the arm's path from where it stands to a via point, and from there home, stays in
+    /// its box.
     pub fn check_path(&self, config: &ArmConfig, via: ViaPoint) -> Result<(), Refused> {
         let (Some(fence), Some(mut from)) = (config.fence_mm, self.arm.joints()) else { return Ok(()) };
         for via in [via, ViaPoint::Home] {
@@ -247,7 +252,8 @@ impl RailArm {
         Ok(())
     }
 
-    /// The path to a via point, from where the arm was sent last: an arm that sags a little does not jump.
+    /// The path to a via point, from where the arm was sent last: an arm that sags a little does
+    /// not jump.
     pub fn path_to(&self, via: ViaPoint, config: &ArmConfig) -> Result<ArmPath, Fault> {
         let from = self.arm.sent().or(self.arm.joints()).unwrap_or(*self.path.middle());
         let rail_m = self.path.place(&from).rail_m;

@@ -20,7 +20,8 @@ pub enum Record {
         asked: [f64; DRIVEN],
         /// What the limiter sent.
         sent: [f64; DRIVEN],
-        /// Which joints are elsewhere than asked, and why; those of the thumb are numbered on after the driven ones.
+        /// Which joints are elsewhere than asked, and why; those of the thumb are numbered on after
+        /// the driven ones.
         clamps: Vec<(usize, Clamp)>,
     },
     /// A period of the hand's joint loop.
@@ -36,7 +37,8 @@ pub enum Record {
         /// What was sent.
         pwm: [i16; allegro::WIRE_JOINTS],
     },
-    /// Angles of the hand while it is not driven: while it starts, and in the first second after it was released.
+    /// Angles of the hand while it is not driven: while it starts, and in the first second after it
+    /// was released.
     Idle {
         /// When they were in.
         at: Duration,

@@ -13,14 +13,16 @@ use crate::joints::{DRIVEN, HAND_DRIVEN_JOINTS, RAIL, to_wire};
 const CLEAR_FINGERS: [f64; HAND_DRIVEN_JOINTS] = [0.0; HAND_DRIVEN_JOINTS];
 
 impl Robot {
-    /// Brings the robot slowly to a pose, from wherever it is: fingers straight, the arm over its home and from above to
-    /// the middle of the keyboard, then fingers and rail to `goal`, or the nearest that their ranges allow. If it is at the
-    /// keyboard and the fingers are near the goal, only fingers and rail move; if they are far from it, the arm goes
-    /// straight up before they move, which frees a finger that is caught. From beside the keys it goes straight up too.
+    /// Brings the robot slowly to a pose, from wherever it is: fingers straight, the arm over its
+    /// home and from above to the middle of the keyboard, then fingers and rail to `goal`, or the
+    /// nearest that their ranges allow. If it is at the keyboard and the fingers are near the goal,
+    /// only fingers and rail move; if they are far from it, the arm goes straight up before they
+    /// move, which frees a finger that is caught. From beside the keys it goes straight up too.
     /// Otherwise it moves only when the fingers are straight.
     ///
     /// # Errors
-    /// If the robot does not hold still, the goal is not finite, or the path would leave the arm's box.
+    /// If the robot does not hold still, the goal is not finite, or the path would leave the arm's
+    /// box.
     pub fn home(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
         let far = farthest(&self.hand.positions(), &self.within_ranges(goal)).1;
         let is_near = far <= self.config.limits.start_finger_rad;
@@ -32,7 +34,8 @@ impl Robot {
     /// Brings fingers and rail slowly to a pose, or the nearest that their ranges allow.
     ///
     /// # Errors
-    /// If the robot does not hold still at the keyboard, or the goal holds a number that is not finite.
+    /// If the robot does not hold still at the keyboard, or the goal holds a number that is not
+    /// finite.
     pub fn approach(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
         if !self.rail_arm.is_on_path() {
             let remedy = "not at the keyboard: `etude robot home` brings it there";
@@ -41,8 +44,8 @@ impl Robot {
         self.begin_slow_move(now, None, goal)
     }
 
-    /// Turns one joint of the hand (as on the wire) slowly to `to_rad`, or the nearest that its range allows. The other
-    /// joints and the arm stay where they are, wherever that is.
+    /// Turns one joint of the hand (as on the wire) slowly to `to_rad`, or the nearest that its
+    /// range allows. The other joints and the arm stay where they are, wherever that is.
     pub(super) fn turn(&mut self, now: Duration, joint: usize, to_rad: f64) -> Result<(), Refused> {
         self.status.require(Phase::Holding)?;
         let mut goal = self.set_points.positions();
@@ -80,7 +83,8 @@ impl Robot {
                 self.sent()
             }
             Some(_) => {
-                // Away from the keyboard the rail's set-point moves nothing: it stands where the arm will arrive.
+                // Away from the keyboard the rail's set-point moves nothing: it stands where the
+                // arm will arrive.
                 let clear = self.clear_pose();
                 self.set_points.move_rail(clear[RAIL]);
                 clear
@@ -110,12 +114,13 @@ impl Robot {
         SlowMove::new(now, self.set_points.positions(), to, &self.config.axes())
     }
 
-    /// Follows a piece of a trajectory from `begun` on: one waypoint (rad, the rail in m) a set-point. It replaces what is
-    /// left of the piece before, and the last waypoint stands when they have run out.
+    /// Follows a piece of a trajectory from `begun` on: one waypoint (rad, the rail in m) a
+    /// set-point. It replaces what is left of the piece before, and the last waypoint stands when
+    /// they have run out.
     ///
     /// # Errors
-    /// If the robot is neither holding nor following, or is not near the first waypoint when it begins, or its keyboard has
-    /// a warning that no start has acknowledged.
+    /// If the robot is neither holding nor following, or is not near the first waypoint when it
+    /// begins, or its keyboard has a warning that no start has acknowledged.
     pub fn follow(&mut self, begun: Duration, waypoints: &[[f64; DRIVEN]]) -> Result<(), Refused> {
         // A beginning in the future would delay the check of the age of commands.
         let ahead = Duration::from_secs_f64(self.config.limits.stale_command_secs);
@@ -135,8 +140,8 @@ impl Robot {
         Ok(())
     }
 
-    /// Ends a trajectory or a slow move: brakes and holds. The arm's path to the keyboard continues to its end: only
-    /// [`stop`](Self::stop) ends that.
+    /// Ends a trajectory or a slow move: brakes and holds. The arm's path to the keyboard continues
+    /// to its end: only [`stop`](Self::stop) ends that.
     pub fn hold(&mut self, now: Duration) {
         if self.motion.brings_arm() {
             return;

@@ -10,7 +10,8 @@ use crate::allegro::WIRE_JOINTS;
 use crate::limiter::{Axis, AxisLimits, Clamp};
 use crate::rig::SETPOINT_HZ;
 
-/// Largest distance from its range at which a joint of the hand may start, rad: backlash, and some give of the stop.
+/// Largest distance from its range at which a joint of the hand may start, rad: backlash, and some
+/// give of the stop.
 const MAX_OUTSIDE_RAD: f64 = 0.1;
 
 /// The limited set-points of all axes.
@@ -59,8 +60,8 @@ impl SetPoints {
         positions
     }
 
-    /// Sets the set-points to the measured positions, at rest. Positions slightly outside a range are eased into it.
-    /// How far each was outside.
+    /// Sets the set-points to the measured positions, at rest. Positions slightly outside a range
+    /// are eased into it. How far each was outside.
     pub fn settle(&mut self, now: Duration, measured: [f64; AXES]) -> Result<[f64; AXES], Fault> {
         let mut outside = [0.0; AXES];
         let axes = self.axes.iter_mut().zip(&mut outside).zip(measured);
@@ -89,14 +90,15 @@ impl SetPoints {
         self.before = self.positions();
     }
 
-    /// Takes the grid of a stream, so that each waypoint is due a whole period after its beginning, also if the first
-    /// command comes a little late. At rest one shorter period does not matter.
+    /// Takes the grid of a stream, so that each waypoint is due a whole period after its beginning,
+    /// also if the first command comes a little late. At rest one shorter period does not matter.
     pub fn align(&mut self, begun: Duration) {
         let periods = self.stepped.saturating_sub(begun).as_nanos() / period().as_nanos();
         self.stepped = begun + period() * periods as u32;
     }
 
-    /// The next set-points' time, once it has come. After a gap, missed ones are not made up for; the grid stays.
+    /// The next set-points' time, once it has come. After a gap, missed ones are not made up for;
+    /// the grid stays.
     pub fn next_due(&mut self, now: Duration) -> Option<Duration> {
         let gap = now.saturating_sub(self.stepped);
         if gap > 4 * period() {
@@ -133,7 +135,8 @@ impl SetPoints {
         Record::SetPoint { at: self.stepped, asked, sent, clamps }
     }
 
-    /// Angles for the hand's joint loop, rad: between the last two set-points, with what is left of the easing.
+    /// Angles for the hand's joint loop, rad: between the last two set-points, with what is left of
+    /// the easing.
     pub fn reference(&self, now: Duration) -> [f64; WIRE_JOINTS] {
         let since = now.saturating_sub(self.stepped).as_secs_f64();
         let share = (since * SETPOINT_HZ).clamp(0.0, 1.0);

@@ -9,7 +9,8 @@ use crate::limiter::AxisLimits;
 const SLOW_FINGER: f64 = 0.7;
 /// Largest speed of a slow move along the rail, m/s.
 const SLOW_RAIL: f64 = 0.1;
-/// Largest share of the limits of an axis that a slow move takes: its set-points arrive when it does, however low they are.
+/// Largest share of the limits of an axis that a slow move takes: its set-points arrive when it
+/// does, however low they are.
 const MAX_SHARE_OF_LIMITS: f64 = 0.5;
 /// Shortest slow move, s.
 const MIN_SECS: f64 = 0.3;
@@ -36,7 +37,8 @@ impl SlowMove {
         let needed = |axis: usize| {
             let (distance, limits) = ((to[axis] - from[axis]).abs(), limits[axis]);
             let slow = if axis < RAIL_AXIS { SLOW_FINGER } else { SLOW_RAIL };
-            // The profile's top speed is 15/8 of its mean; its acceleration and jerk are at most these multiples of distance over time.
+            // The profile's top speed is 15/8 of its mean; its acceleration and jerk are at most
+            // these multiples of distance over time.
             let speed = distance * 15.0 / 8.0 / slow.min(MAX_SHARE_OF_LIMITS * limits.velocity);
             let acceleration =
                 (distance * 10.0 / 3.0f64.sqrt() / (MAX_SHARE_OF_LIMITS * limits.acceleration)).sqrt();

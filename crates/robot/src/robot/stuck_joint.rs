@@ -1,9 +1,11 @@
-//! Joints of the hand that are pushed both ways and do not turn: the encoder or the motor has failed, or something blocks the joint.
+//! Joints of the hand that are pushed both ways and do not turn: the encoder or the motor has
+//! failed, or something blocks the joint.
 //!
-//! A key or a stop holds a joint in one direction only; but a finger that presses a key is held by friction and by fences in its rotation at
-//! the palm, on both sides, and that is not watched then. The thresholds are judgements: playing the shipped songs on the twin (`ideal`,
-//! `standard` and `worn`, real execution), no joint stood for more than 0.054 s on either side. That a joint turns against its torque says
-//! nothing while it plays: keys push it by up to 1.6 rad.
+//! A key or a stop holds a joint in one direction only; but a finger that presses a key is held by
+//! friction and by fences in its rotation at the palm, on both sides, and that is not watched then.
+//! The thresholds are judgements: playing the shipped songs on the twin (`ideal`, `standard` and
+//! `worn`, real execution), no joint stood for more than 0.054 s on either side. That a joint turns
+//! against its torque says nothing while it plays: keys push it by up to 1.6 rad.
 
 use std::time::Duration;
 
@@ -11,7 +13,8 @@ use crate::allegro::{PLAYING, WIRE_JOINTS};
 
 /// How far the reading of a joint that stands may wander, rad.
 const STANDS_RAD: f64 = 0.01;
-/// How far a joint must be from its reference, on either side, rad: a torque that moves a sound joint.
+/// How far a joint must be from its reference, on either side, rad: a torque that moves a sound
+/// joint.
 const PUSHED_RAD: f64 = 0.07;
 /// How long on either side, s.
 const PUSHED_SECS: f64 = 0.15;
@@ -31,8 +34,8 @@ pub(super) struct StuckJoints {
 }
 
 impl StuckJoints {
-    /// Takes a period's angles, where the joints were sent (rad), and which fingers may press a key. The first joint that stands although
-    /// it was pushed both ways, if any, and where, rad.
+    /// Takes a period's angles, where the joints were sent (rad), and which fingers may press a
+    /// key. The first joint that stands although it was pushed both ways, if any, and where, rad.
     pub fn take(
         &mut self,
         at: Duration,

@@ -12,8 +12,8 @@ pub(super) struct Trajectory {
 }
 
 impl Trajectory {
-    /// The waypoint that is due next at `now`, so that a grid of any phase meets each of them once; the last one when they
-    /// have run out.
+    /// The waypoint that is due next at `now`, so that a grid of any phase meets each of them once;
+    /// the last one when they have run out.
     pub fn at(&self, now: Duration, period: Duration) -> Option<&[f64; DRIVEN]> {
         let periods = now.saturating_sub(self.begun).as_nanos().div_ceil(period.as_nanos());
         let last = self.waypoints.len().checked_sub(1)?;

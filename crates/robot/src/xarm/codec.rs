@@ -1,12 +1,13 @@
-//! The frames of the command port: requests to the arm's controller and its replies (ufactory_docs, private protocol).
+//! The frames of the command port: requests to the arm's controller and its replies (ufactory_docs,
+//! private protocol).
 //!
-//! A frame has a header of three big-endian words (transaction, protocol, length) and a body that starts with
-//! the register. Floats in the body are little-endian, 16-bit counts big-endian.
+//! A frame has a header of three big-endian words (transaction, protocol, length) and a body that
+//! starts with the register. Floats in the body are little-endian, 16-bit counts big-endian.
 
 use super::framing::Framing;
 
-/// Longest body that is understood. The longest one in use is a joint position with velocity and effort (86
-/// bytes).
+/// Longest body that is understood. The longest one in use is a joint position with velocity and
+/// effort (86 bytes).
 pub const MAX_BODY: usize = 256;
 
 /// Protocol of the first exchange.
@@ -17,8 +18,8 @@ pub const PROTOCOL_KEEP_ALIVE: u16 = 3;
 pub const KEEP_ALIVE_FROM: (u16, u16, u16) = (1, 8, 6);
 /// The state that stops an arm: it stands still and refuses motions (ufactory_docs).
 pub const STOPPED: u8 = 4;
-/// Register of a frame that answers no request: it reports that a command has begun or ended (xArm-CPLUS-SDK; register 254
-/// switches these frames on).
+/// Register of a frame that answers no request: it reports that a command has begun or ended
+/// (xArm-CPLUS-SDK; register 254 switches these frames on).
 pub const FEEDBACK: u8 = 0xFF;
 
 const HEADER: usize = 6;
@@ -108,7 +109,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame with this body, whose first byte is the register; `None` if the body is empty or too long.
+    /// A frame with this body, whose first byte is the register; `None` if the body is empty or too
+    /// long.
     pub fn new(transaction: u16, protocol: u16, parts: &[&[u8]]) -> Option<Self> {
         let (mut body, mut len) = ([0; MAX_BODY], 0);
         for part in parts {
@@ -159,7 +161,8 @@ impl std::fmt::Debug for Frame {
 pub struct FrameParser(Framing);
 
 impl FrameParser {
-    /// The next frame. Takes bytes off the front of `bytes` as it needs them: call it again until it returns `None`.
+    /// The next frame. Takes bytes off the front of `bytes` as it needs them: call it again until
+    /// it returns `None`.
     pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Frame> {
         let size = |header: &[u8]| {
             let length = usize::from(word(header, 4));
@@ -170,7 +173,8 @@ impl FrameParser {
         self.0.next(bytes, HEADER, size, read)
     }
 
-    /// Bytes that belonged to no frame: anything but 0 means that the other side uses another protocol.
+    /// Bytes that belonged to no frame: anything but 0 means that the other side uses another
+    /// protocol.
     pub fn skipped(&self) -> u64 {
         self.0.skipped()
     }

@@ -1,7 +1,9 @@
-//! How much later messages come than before. The arm's reports on port 30000 carry the time at which they were sent. Those on port 30003 do
-//! not; they are sent at a steady rate over TCP, which loses none, so their number tells it.
+//! How much later messages come than before. The arm's reports on port 30000 carry the time at
+//! which they were sent. Those on port 30003 do not; they are sent at a steady rate over TCP, which
+//! loses none, so their number tells it.
 //!
-//! A delay that was there from the first message on is not seen, nor one that grows by less than a twentieth of the time.
+//! A delay that was there from the first message on is not seen, nor one that grows by less than a
+//! twentieth of the time.
 
 use std::time::Duration;
 
@@ -16,7 +18,8 @@ pub(super) struct DelayMonitor {
     period_secs: f64,
     /// When the newest message was sent, s from any moment.
     sent_secs: Option<f64>,
-    /// The earliest that a message came, s from when it would have come after the first, in each part of the remembered time; the newest first.
+    /// The earliest that a message came, s from when it would have come after the first, in each
+    /// part of the remembered time; the newest first.
     earliest_secs: [f64; PARTS],
     /// When the newest part began.
     began: Option<Duration>,
@@ -39,7 +42,8 @@ impl DelayMonitor {
         self.sent_secs = Some(sent_at.map_or(next_secs, |at| at.as_secs_f64()));
     }
 
-    /// How much later than before the newest message came, if that is `now`. Messages that came together are counted before this is called.
+    /// How much later than before the newest message came, if that is `now`. Messages that came
+    /// together are counted before this is called.
     pub fn delay(&mut self, now: Duration) -> Duration {
         let Some(sent_secs) = self.sent_secs else { return Duration::ZERO };
         let secs = now.as_secs_f64() - sent_secs;
@@ -114,7 +118,8 @@ mod tests {
     }
 
     proptest! {
-        /// Another clock, to three parts in a thousand, and jitter: never more than the two together.
+        /// Another clock, to three parts in a thousand, and jitter: never more than the two
+        /// together.
         #[test]
         fn jitter_and_drift_stay_small(
             jitter in prop::collection::vec(0.0..0.02_f64, 1500),

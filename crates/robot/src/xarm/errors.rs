@@ -1,7 +1,7 @@
 //! The controller's error codes, and what the operator does about each.
 //!
-//! Numbers and meanings are those of UFACTORY's manual and of `xarm/core/config/x_code.py` in xArm-Python-SDK; the
-//! remedies are our advice.
+//! Numbers and meanings are those of UFACTORY's manual and of `xarm/core/config/x_code.py` in
+//! xArm-Python-SDK; the remedies are our advice.
 
 /// One code, explained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

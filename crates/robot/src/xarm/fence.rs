@@ -1,7 +1,8 @@
-//! The box that the flange stays in: the controller's "safety boundary" (registers 52 and 59), which stops the arm with
-//! error 35 when the flange leaves it.
+//! The box that the flange stays in: the controller's "safety boundary" (registers 52 and 59),
+//! which stops the arm with error 35 when the flange leaves it.
 //!
-//! Our own set-points keep a margin from its sides, so that the controller's check is the second one.
+//! Our own set-points keep a margin from its sides, so that the controller's check is the second
+//! one.
 
 use std::ops::RangeInclusive;
 
@@ -16,8 +17,8 @@ const MARGIN_MM: f64 = 5.0;
 const MAX_SIDES_MM: [[i32; 2]; 3] = [[-750, 750], [-750, 750], [-400, 1000]];
 /// Thinnest box, mm: less leaves nothing between its margins.
 const MIN_SIDE_MM: i32 = 50;
-/// Turn of a joint from one tried position of a path to the next, rad: the flange's arc between two of them leaves its
-/// chord by less than a tenth of a millimetre.
+/// Turn of a joint from one tried position of a path to the next, rad: the flange's arc between two
+/// of them leaves its chord by less than a tenth of a millimetre.
 const TRIAL_STEP_RAD: f64 = 0.02;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -47,8 +48,8 @@ impl Fence {
     /// The largest one.
     pub const WIDEST: Self = Self(MAX_SIDES_MM);
 
-    /// The smallest box, in whole centimetres, that has these places of the flange `room_mm` inside its sides; no larger than
-    /// [`WIDEST`](Self::WIDEST).
+    /// The smallest box, in whole centimetres, that has these places of the flange `room_mm` inside
+    /// its sides; no larger than [`WIDEST`](Self::WIDEST).
     pub fn around(positions_m: impl IntoIterator<Item = Vector3<f64>>, room_mm: f64) -> Self {
         let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
         for position in positions_m {
@@ -93,7 +94,8 @@ impl Fence {
         Ok(())
     }
 
-    /// Whether our motion may bring the arm from these joints straight to those (rad): a move that the arm plans itself.
+    /// Whether our motion may bring the arm from these joints straight to those (rad): a move that
+    /// the arm plans itself.
     ///
     /// # Errors
     /// Names the first axis along which the flange would leave.
@@ -146,7 +148,8 @@ mod tests {
 
     #[test]
     fn a_path_may_leave_between_two_places_that_are_inside() {
-        // The paper's home, and the same turned by a half: between them the flange goes around the base.
+        // The paper's home, and the same turned by a half: between them the flange goes around the
+        // base.
         let from = PAPER_HOME_DEG.map(f64::to_radians);
         let mut to = from;
         (to[0], to[6]) = (std::f64::consts::PI, from[6]);

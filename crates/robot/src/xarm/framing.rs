@@ -1,4 +1,5 @@
-//! Cuts a stream of bytes into frames that announce their size, independent of how the bytes are split.
+//! Cuts a stream of bytes into frames that announce their size, independent of how the bytes are
+//! split.
 
 /// The beginning of a frame whose rest has not come yet.
 #[derive(Debug, Default)]
@@ -8,10 +9,11 @@ pub(super) struct Framing {
 }
 
 impl Framing {
-    /// The next frame. Takes bytes off the front of `bytes` as it needs them: call it again until it returns `None`.
+    /// The next frame. Takes bytes off the front of `bytes` as it needs them: call it again until
+    /// it returns `None`.
     ///
-    /// `size` reads the size of a frame from its first `header` bytes, or returns `None` if no frame begins so; `read`
-    /// reads a whole frame. Where either returns `None`, a byte is skipped.
+    /// `size` reads the size of a frame from its first `header` bytes, or returns `None` if no
+    /// frame begins so; `read` reads a whole frame. Where either returns `None`, a byte is skipped.
     pub fn next<T>(
         &mut self,
         bytes: &mut &[u8],
@@ -40,8 +42,8 @@ impl Framing {
         }
     }
 
-    /// Bytes that belonged to no frame. A TCP stream loses nothing: anything but 0 means that the other side uses
-    /// another protocol.
+    /// Bytes that belonged to no frame. A TCP stream loses nothing: anything but 0 means that the
+    /// other side uses another protocol.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }

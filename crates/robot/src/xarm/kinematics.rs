@@ -15,7 +15,8 @@ pub const ARM_JOINTS: usize = 7;
 /// Derivative of the pose with respect to the joints: three rows in m/rad, then three in rad/rad.
 pub type Jacobian = SMatrix<f64, 6, ARM_JOINTS>;
 
-/// What every hardware model of the arm can reach, rad (joint limits in xArm-Python-SDK, models from 1305).
+/// What every hardware model of the arm can reach, rad (joint limits in xArm-Python-SDK, models
+/// from 1305).
 pub const JOINT_LIMITS_RAD: [(f64, f64); ARM_JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
     (-2.042035, 2.024581),
@@ -26,7 +27,8 @@ pub const JOINT_LIMITS_RAD: [(f64, f64); ARM_JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
 ];
 
-/// What some hardware model of the arm can reach, rad (joint limits in xArm-Python-SDK, other models).
+/// What some hardware model of the arm can reach, rad (joint limits in xArm-Python-SDK, other
+/// models).
 pub const WIDEST_LIMITS_RAD: [(f64, f64); ARM_JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
     (-2.059488, 2.094395),
@@ -40,8 +42,8 @@ pub const WIDEST_LIMITS_RAD: [(f64, f64); ARM_JOINTS] = [
 /// Where the paper's rig begins and ends, degrees (lasr-lab/learning-to-play-piano).
 pub const PAPER_HOME_DEG: [f64; ARM_JOINTS] = [0.0, 10.0, 0.0, 107.3, 180.0, -10.9, -225.0];
 
-/// Modified Denavit-Hartenberg rows: angle to the previous axis (rad), distance from it (m), offset along the
-/// own (m) (ufactory_docs, kinematics).
+/// Modified Denavit-Hartenberg rows: angle to the previous axis (rad), distance from it (m), offset
+/// along the own (m) (ufactory_docs, kinematics).
 const LINKS: [(f64, f64, f64); ARM_JOINTS] = [
     (0.0, 0.0, 0.267),
     (-FRAC_PI_2, 0.0, 0.0),
@@ -62,8 +64,8 @@ const MAX_ITERATIONS: usize = 200;
 const SETTLED: f64 = 1e-5;
 /// An answer is one whose pose differs by less than this, in m and in rad.
 const RESIDUAL: f64 = 1e-10;
-/// An answer with a smaller singular value of the Jacobian is refused: joint speeds would be far too
-/// high there.
+/// An answer with a smaller singular value of the Jacobian is refused: joint speeds would be far
+/// too high there.
 const SINGULAR: f64 = 0.02;
 /// Keeps the linear system solvable at singular joints; far below what moves an answer elsewhere.
 const DAMPING: f64 = 1e-9;
@@ -121,11 +123,12 @@ pub fn jacobian(joints_rad: &[f64; ARM_JOINTS]) -> Jacobian {
     forward_and_jacobian(joints_rad).1
 }
 
-/// The joints (rad) that bring the flange to `target`: of all that do, those that a path from `near` leads
-/// to.
+/// The joints (rad) that bring the flange to `target`: of all that do, those that a path from
+/// `near` leads to.
 ///
 /// # Errors
-/// If there are none, if they are outside [`JOINT_LIMITS_RAD`], or if the arm is nearly singular there.
+/// If there are none, if they are outside [`JOINT_LIMITS_RAD`], or if the arm is nearly singular
+/// there.
 pub fn inverse(target: &Pose, near: &[f64; ARM_JOINTS]) -> Result<[f64; ARM_JOINTS], KinematicsError> {
     let wanted = target.position_m.iter().chain(target.rotation.matrix().iter());
     if !wanted.chain(near).all(|value| value.is_finite()) {
@@ -141,8 +144,8 @@ pub fn inverse(target: &Pose, near: &[f64; ARM_JOINTS]) -> Result<[f64; ARM_JOIN
             return accept(joints.into(), &jacobian);
         }
         let share = (STEP_M / shift.max(STEP_M)).min(STEP_RAD / turn.max(STEP_RAD));
-        // The step that reaches the target, and of all those the one that ends nearest to `near`; without the
-        // latter at the end, where it would only slow the convergence.
+        // The step that reaches the target, and of all those the one that ends nearest to `near`;
+        // without the latter at the end, where it would only slow the convergence.
         let home = if shift.max(turn) > SETTLED { near - joints } else { SVector::zeros() };
         let damped = jacobian * jacobian.transpose() + Matrix6::identity() * DAMPING;
         let Some(factors) = Cholesky::new(damped) else { break };
@@ -202,8 +205,8 @@ fn forward_and_jacobian(joints: &[f64; ARM_JOINTS]) -> (Pose, Jacobian) {
     (pose, jacobian)
 }
 
-/// Calls `visit` with the index and the frame of each link, from the base outwards. The last one is the
-/// flange.
+/// Calls `visit` with the index and the frame of each link, from the base outwards. The last one is
+/// the flange.
 fn walk(joints: &[f64; ARM_JOINTS], mut visit: impl FnMut(usize, Pose)) {
     let (mut position_m, mut rotation) = (Vector3::zeros(), Matrix3::identity());
     for (index, (angle, (twist, length, offset))) in joints.iter().zip(LINKS).enumerate() {
@@ -230,7 +233,8 @@ mod tests {
 
     use super::*;
 
-    /// Points of the slide's path, computed by an independent program: y and z in mm, joints in degrees.
+    /// Points of the slide's path, computed by an independent program: y and z in mm, joints in
+    /// degrees.
     const SLIDE_DEG: [(f64, f64, [f64; ARM_JOINTS]); 5] = [
         (336.5, 169.0, [23.56, 39.75, 16.95, 74.83, 219.55, 67.36, -255.95]),
         (166.835, 169.755, [11.94, 27.38, 9.63, 56.29, 202.81, 64.28, -240.06]),
@@ -283,8 +287,8 @@ mod tests {
     fn the_slide_of_an_independent_program() {
         let (y, z, listed) = SLIDE_DEG[2];
         let at_centre = inverse(&over_keys(y, z), &radians(listed)).unwrap();
-        // The redundant joint makes the answer depend on the path from home, of which the table does not say
-        // all.
+        // The redundant joint makes the answer depend on the path from home, of which the table
+        // does not say all.
         let from_home = inverse(&over_keys(y, z), &radians(PAPER_HOME_DEG)).unwrap();
         close(&from_home.map(f64::to_degrees), &listed, 0.2);
         for (y, z, expected) in SLIDE_DEG {

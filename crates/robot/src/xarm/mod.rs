@@ -1,11 +1,11 @@
 //! The xArm7 over TCP: its protocol, its kinematics and its driver.
 //!
 //! Sources: the private TCP protocol, reports, states and kinematics in `ufactory_docs`
-//! (<https://github.com/xArm-Developer/ufactory_docs>), the xArm user manual, and xArm-Python-SDK 1.18.4 and xArm-CPLUS-SDK
-//! (<https://github.com/xArm-Developer>).
+//! (<https://github.com/xArm-Developer/ufactory_docs>), the xArm user manual, and xArm-Python-SDK
+//! 1.18.4 and xArm-CPLUS-SDK (<https://github.com/xArm-Developer>).
 //!
-//! Unlike the official SDK, the driver never looks for a Unix socket in place of the arm's address: another program
-//! listening there would silently replace the robot.
+//! Unlike the official SDK, the driver never looks for a Unix socket in place of the arm's address:
+//! another program listening there would silently replace the robot.
 
 pub mod codec;
 mod delay_monitor;

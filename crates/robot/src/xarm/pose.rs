@@ -14,8 +14,8 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// From a position and roll, pitch and yaw about the fixed axes x, y and z (rad), which is the arm's
-    /// convention (ufactory_docs).
+    /// From a position and roll, pitch and yaw about the fixed axes x, y and z (rad), which is the
+    /// arm's convention (ufactory_docs).
     pub fn from_rpy(position_m: [f64; 3], rpy_rad: [f64; 3]) -> Self {
         let [roll, pitch, yaw] = rpy_rad;
         Self {
@@ -56,8 +56,8 @@ impl Pose {
     }
 }
 
-/// Axis times angle (rad) of a rotation, to the last digit for small angles, where the arc cosine of the
-/// trace is not.
+/// Axis times angle (rad) of a rotation, to the last digit for small angles, where the arc cosine
+/// of the trace is not.
 pub fn logarithm(rotation: &Rotation3<f64>) -> Vector3<f64> {
     let matrix = rotation.matrix();
     let sines = Vector3::new(

@@ -1,5 +1,6 @@
-//! The periodic reports of the controller (ufactory_docs): on port 30003, 100 a second, or on port 30000 (firmware 2.1 and newer), 250 a
-//! second, which carry the time at the controller. Their sizes tell them apart.
+//! The periodic reports of the controller (ufactory_docs): on port 30003, 100 a second, or on port
+//! 30000 (firmware 2.1 and newer), 250 a second, which carry the time at the controller. Their
+//! sizes tell them apart.
 
 use std::time::Duration;
 
@@ -11,7 +12,8 @@ use super::kinematics::{ARM_JOINTS, WIDEST_LIMITS_RAD};
 pub(super) const REPORT_PERIOD: Duration = Duration::from_millis(10);
 /// Bytes of a report of port 30003, without what later firmware appends.
 const SIZE: usize = 87;
-/// Bytes of a report of port 30000, without what later firmware appends. Reports of all other ports are shorter (587 at most).
+/// Bytes of a report of port 30000, without what later firmware appends. Reports of all other ports
+/// are shorter (587 at most).
 const TIMED_SIZE: usize = 784;
 /// Largest plausible size word.
 const MAX_SIZE: usize = 1024;
@@ -31,7 +33,8 @@ pub struct Report {
     pub sent_at: Option<Duration>,
 }
 
-/// Beyond what any model's joints reach, rad: encoders and stops have some play. An angle farther out was not measured.
+/// Beyond what any model's joints reach, rad: encoders and stops have some play. An angle farther
+/// out was not measured.
 const SLACK_RAD: f64 = 0.2;
 
 /// Whether every reported joint angle is possible.
@@ -70,7 +73,8 @@ pub struct ReportParser {
 }
 
 impl ReportParser {
-    /// The next report. Takes bytes off the front of `bytes` as it needs them: call it again until it returns `None`.
+    /// The next report. Takes bytes off the front of `bytes` as it needs them: call it again until
+    /// it returns `None`.
     pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Report> {
         let first = self.size;
         let size = |header: &[u8]| {
@@ -84,7 +88,8 @@ impl ReportParser {
         Some(report)
     }
 
-    /// Bytes that belonged to no report: anything but 0 means that the other side uses another protocol.
+    /// Bytes that belonged to no report: anything but 0 means that the other side uses another
+    /// protocol.
     pub fn skipped(&self) -> u64 {
         self.framing.skipped()
     }

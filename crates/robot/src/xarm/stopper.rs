@@ -1,7 +1,7 @@
 //! Stops an arm over its command port alone, in any state, and reads back whether it stands still.
 //!
-//! The stop is the first request; nothing is read before. A reply does not prove that a command was carried out, so the
-//! state is read back.
+//! The stop is the first request; nothing is read before. A reply does not prove that a command was
+//! carried out, so the state is read back.
 
 use std::time::Duration;
 
@@ -11,7 +11,8 @@ use super::codec::{Frame, FrameParser, PROTOCOL_PRIVATE, Register, STOPPED};
 const STOP_AGAIN: Duration = Duration::from_millis(100);
 /// Time between two requests for the state.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
-/// The arm must report the stop for this long: another command may have been on its way and undone it.
+/// The arm must report the stop for this long: another command may have been on its way and undone
+/// it.
 const STANDS: Duration = Duration::from_millis(60);
 
 /// Stops an arm and waits for its confirmation.

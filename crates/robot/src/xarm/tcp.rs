@@ -10,8 +10,8 @@ use crate::stream::{Outbox, read_available};
 const PORTS: (u16, u16) = (502, 30003);
 /// Longest time to connect, as in the official SDK.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
-/// Commands that may wait for the network, in bytes. A servo target has 47: more than this has waited for too
-/// long.
+/// Commands that may wait for the network, in bytes. A servo target has 47: more than this has
+/// waited for too long.
 const MAX_UNSENT: usize = 4096;
 
 /// The connection to the arm fails.
@@ -71,7 +71,8 @@ impl ArmCommands {
         read_available(&mut self.stream, |piece| bytes.extend_from_slice(piece)).map_err(broken)
     }
 
-    /// Sends `bytes` after what still waits for the network. Never blocks: call it again with no bytes to send the rest.
+    /// Sends `bytes` after what still waits for the network. Never blocks: call it again with no
+    /// bytes to send the rest.
     ///
     /// # Errors
     /// If the connection is gone, or the arm does not take commands any more.
@@ -94,7 +95,8 @@ pub struct ArmConnection {
 }
 
 impl ArmConnection {
-    /// Connects to `host`, or to `host:command-port:report-port`: for an emulator on other ports, or for the reports of port 30000.
+    /// Connects to `host`, or to `host:command-port:report-port`: for an emulator on other ports,
+    /// or for the reports of port 30000.
     ///
     /// # Errors
     /// If the address cannot be read, or nothing answers there within a second.

@@ -1,5 +1,5 @@
-//! A controller and the three emulators on wires of no length, a millisecond at a time. The hand's joints are led by the
-//! test, or move freely.
+//! A controller and the three emulators on wires of no length, a millisecond at a time. The hand's
+//! joints are led by the test, or move freely.
 
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -54,7 +54,8 @@ fn a_joint_a_little_outside_its_range_is_brought_in_slowly() {
 /// A finger that is held while it should stay.
 #[test]
 fn a_finger_that_does_not_follow_is_a_fault() {
-    // A joint that flexes, and one that only turns a little to the side: a quarter of the range of each.
+    // A joint that flexes, and one that only turns a little to the side: a quarter of the range of
+    // each.
     for (finger, near, far) in [(5, 0.44, 0.47), (4, 0.22, 0.25)] {
         let mut bench = Bench::holding();
         bench.run(50);
@@ -75,7 +76,8 @@ fn a_finger_that_does_not_follow_is_a_fault() {
     }
 }
 
-/// Starts the robot, leads joint 5 by 0.3 rad away from where it stood, and holds it there for some seconds.
+/// Starts the robot, leads joint 5 by 0.3 rad away from where it stood, and holds it there for some
+/// seconds.
 fn push_for(bench: &mut Bench, secs: u64) {
     bench.start();
     bench.until(Phase::Holding, 3000);
@@ -116,7 +118,8 @@ fn a_joint_that_pushes_again_and_again_gets_hot() {
     assert_eq!(bench.robot.phase(), Phase::Holding, "{}", bench.fault());
 }
 
-/// What the joint loop takes off for damping, from each period's record: wanted = kp (reference − measured) − damping.
+/// What the joint loop takes off for damping, from each period's record: wanted = kp (reference −
+/// measured) − damping.
 fn dampings(records: &[Record]) -> Vec<f64> {
     let kp = crate::bench::rig().joint_loop.kp[1];
     let damping = |record: &Record| match record {
@@ -128,7 +131,8 @@ fn dampings(records: &[Record]) -> Vec<f64> {
     records.iter().filter_map(damping).collect()
 }
 
-/// A finger at a steady 3 rad/s; for `stall` milliseconds nothing is heard of it, and then all at once.
+/// A finger at a steady 3 rad/s; for `stall` milliseconds nothing is heard of it, and then all at
+/// once.
 fn moving_finger(stall: u64, unpolled: bool) -> Vec<f64> {
     let mut bench = Bench::holding();
     bench.run(30);

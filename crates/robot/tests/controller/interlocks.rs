@@ -6,7 +6,8 @@ use etude_robot::{Phase, Record};
 
 use crate::bench::Bench;
 
-/// A stream that moves the hand along the keyboard by 0.25 m, faster than the limits allow, and each set-point of the rail then, m.
+/// A stream that moves the hand along the keyboard by 0.25 m, faster than the limits allow, and
+/// each set-point of the rail then, m.
 fn rush(bench: &mut Bench) -> Vec<f64> {
     bench.follow(&[0.0; DRIVEN], 100);
     bench.records.clear();

@@ -52,7 +52,8 @@ fn nothing_is_asked_of_a_rail_that_is_not_there() {
     }
 }
 
-/// The hand's angles are recorded while it starts and for a second after it was released; then it is quiet.
+/// The hand's angles are recorded while it starts and for a second after it was released; then it
+/// is quiet.
 #[test]
 fn the_hand_is_observed_before_and_after_it_has_torque() {
     let mut bench = Bench::new();

@@ -139,7 +139,8 @@ fn a_box_holds_the_keyboard_and_the_way_there_or_nothing_begins() {
         let error = Robot::new(&fenced(fence), path()).map(drop).unwrap_err().to_string();
         assert!(error.contains(said) && error.contains("arm.fence_mm"), "{error}");
     }
-    // From everywhere in the box home and to the ends of the keyboard, and the controller never minds.
+    // From everywhere in the box home and to the ends of the keyboard, and the controller never
+    // minds.
     let rig = fenced([[300, 700], [-400, 400], [100, 700]]);
     let mut bench = Bench::with(&rig);
     bench.devices.arm.place(PAPER_HOME_DEG.map(f64::to_radians));
@@ -153,7 +154,8 @@ fn a_box_holds_the_keyboard_and_the_way_there_or_nothing_begins() {
         assert!((bench.robot.joints()[RAIL] - rail_m).abs() < 2e-3);
     }
     assert_eq!(bench.devices.arm.error(), 0);
-    // Beside the keyboard, behind the base: the arm stands inside a large box, and its way would lead out.
+    // Beside the keyboard, behind the base: the arm stands inside a large box, and its way would
+    // lead out.
     let mut bench = Bench::with(&fenced([[-700, 700], [-400, 400], [100, 700]]));
     let mut behind = PAPER_HOME_DEG.map(f64::to_radians);
     behind[0] += 3.0;
@@ -168,7 +170,8 @@ fn a_box_holds_the_keyboard_and_the_way_there_or_nothing_begins() {
 /// An arm that is so near to its end stands, m.
 const STANDS_M: f64 = 1e-3;
 
-/// Controller and guard are killed together, and nobody sends a stop: the arm must stand where it was sent last.
+/// Controller and guard are killed together, and nobody sends a stop: the arm must stand where it
+/// was sent last.
 #[test]
 fn without_a_controller_the_arm_stands_where_it_was_sent_last() {
     let mut farthest = [0.0_f64; 2];
@@ -208,7 +211,8 @@ fn without_a_controller_the_arm_stands_where_it_was_sent_last() {
         let flange_distance_m = (forward(&ended).position_m - forward(&stood).position_m).norm();
         farthest[usize::from(following)] = farthest[usize::from(following)].max(flange_distance_m);
     }
-    // What its own lag leaves, at 0.3 rad/s and at 0.8 m/s: a planned move would have taken it half a metre farther.
+    // What its own lag leaves, at 0.3 rad/s and at 0.8 m/s: a planned move would have taken it half
+    // a metre farther.
     println!(
         "after the last target it moved by {:.0} mm on its way, {:.0} mm at the keyboard; to within a millimetre of its end in {} and {} ms",
         farthest[0] * 1e3,

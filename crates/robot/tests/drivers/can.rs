@@ -1,4 +1,5 @@
-//! What carries frames: the virtual bus between real sockets, and the serial adapter against python-can.
+//! What carries frames: the virtual bus between real sockets, and the serial adapter against
+//! python-can.
 
 use std::io::{Read as _, Write as _};
 use std::os::unix::net::UnixStream;
@@ -96,7 +97,8 @@ fn a_virtual_bus_in_bus_off_is_what_a_kernel_shows() {
     }
     a.send(frame(4, &[])).unwrap();
     assert_eq!(next(&mut b, || bus_server.poll()).unwrap(), frame(4, &[]), "and nothing from meanwhile");
-    // On the wire: Linux's struct can_frame of a data frame, an error of class 0x40, one of class 0x100.
+    // On the wire: Linux's struct can_frame of a data frame, an error of class 0x40, one of class
+    // 0x100.
     let mut records = [0; 4 * 16];
     bare.read_exact(&mut records).unwrap();
     let words = records
@@ -242,7 +244,8 @@ fn emulate(mut bus: impl CanTransport, go_on: &AtomicBool) {
     }
 }
 
-/// python-can, an independent program, asks the emulated hand, streams its angles and moves a joint.
+/// python-can, an independent program, asks the emulated hand, streams its angles and moves a
+/// joint.
 #[test]
 fn python_can_drives_the_emulated_hand() {
     let Some(python) = std::env::var_os(PYTHON) else {

@@ -227,8 +227,8 @@ proptest! {
                 emulator.press(now, *key, *velocity);
                 emulator.release(now + STEP, *key);
             }
-            // The cable is replaced after a second; a running status whose byte was lost would never come
-            // back else.
+            // The cable is replaced after a second; a running status whose byte was lost would
+            // never come back else.
             let good = step >= 1000;
             if step == 1000 {
                 emulator.unplug();

@@ -1,4 +1,5 @@
-//! A controller and a twin with somebody at the wires between them. Whole faults of devices and wires are the twin's own ([`FaultKind`]).
+//! A controller and a twin with somebody at the wires between them. Whole faults of devices and
+//! wires are the twin's own ([`FaultKind`]).
 
 use std::sync::OnceLock;
 use std::time::Duration;
@@ -255,7 +256,8 @@ impl Bench {
         self.lockstep.twin.devices.arm.state() == 4
     }
 
-    /// The arm's emulator is stopped, or waits for its state to be set after another client's change: it does not move either way.
+    /// The arm's emulator is stopped, or waits for its state to be set after another client's
+    /// change: it does not move either way.
     pub fn arm_stands(&self) -> bool {
         matches!(self.lockstep.twin.devices.arm.state(), 4 | 5)
     }

@@ -17,7 +17,8 @@ fn twin_params(seed: u64) -> TwinParams {
     with_links(&can, &late, &midi).with_seed_added(seed)
 }
 
-/// Everything that was recorded in a few seconds of playing, and how many of them passed in one of the wall's.
+/// Everything that was recorded in a few seconds of playing, and how many of them passed in one of
+/// the wall's.
 fn run(seed: u64) -> (Vec<String>, f64) {
     let twin_params = twin_params(seed);
     let twin = Twin::new(&twin_params, rig().hand.side).unwrap();

@@ -1,4 +1,5 @@
-//! Random numbers without a dependency: the same seed gives the same ones, for tests that draw millions.
+//! Random numbers without a dependency: the same seed gives the same ones, for tests that draw
+//! millions.
 
 /// A 64-bit generator by counting and mixing ("SplitMix64").
 pub struct Dice(u64);

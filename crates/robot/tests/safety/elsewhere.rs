@@ -54,7 +54,8 @@ fn each_joint_of_the_arm_that_is_elsewhere_stops_the_robot() {
     println!("{table}");
 }
 
-/// The flange is beside its path, or too far along it, without being turned: no single joint shows that.
+/// The flange is beside its path, or too far along it, without being turned: no single joint shows
+/// that.
 #[test]
 fn a_flange_that_is_elsewhere_stops_the_robot() {
     for follows in [false, true] {

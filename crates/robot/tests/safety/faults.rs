@@ -1,4 +1,5 @@
-//! The rows of the fault matrix: what goes wrong, what must come of it in each phase, and how it is mended.
+//! The rows of the fault matrix: what goes wrong, what must come of it in each phase, and how it is
+//! mended.
 
 pub mod arm;
 mod controller;
@@ -66,8 +67,8 @@ pub struct Row {
     pub name: &'static str,
     /// Starting, holding, homing, moving, following, stopped.
     pub ends: [End; 6],
-    /// Part of what the operator reads: of the fault, or of the keyboard's warnings if there is none. Alternatives have a bar between
-    /// them.
+    /// Part of what the operator reads: of the fault, or of the keyboard's warnings if there is
+    /// none. Alternatives have a bar between them.
     pub says: &'static str,
     pub lost: Lost,
     /// The cause stays until it is removed, so that a start before that fails.

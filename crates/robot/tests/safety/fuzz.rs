@@ -1,5 +1,5 @@
-//! Frames and bytes at random, through every driver, parser and emulator: none of them panics, none grows
-//! without bound, and no torque passes the table.
+//! Frames and bytes at random, through every driver, parser and emulator: none of them panics, none
+//! grows without bound, and no torque passes the table.
 
 use std::time::Duration;
 

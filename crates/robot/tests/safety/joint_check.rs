@@ -1,4 +1,5 @@
-//! A joint whose encoder or motor is wrong is found by a small turn of each, before anything is played.
+//! A joint whose encoder or motor is wrong is found by a small turn of each, before anything is
+//! played.
 
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -53,7 +54,8 @@ fn every_joint_of_a_sound_hand_turns_and_the_arm_does_not() {
     }
 }
 
-/// A robot that was homed and released over the keys, onto which its fingers have sunk, and that holds still again.
+/// A robot that was homed and released over the keys, onto which its fingers have sunk, and that
+/// holds still again.
 fn sunk(twin_params: &str) -> (Robot, Lockstep) {
     let (mut robot, mut pace) = holding(twin_params, None);
     homed(&mut robot, &mut pace, &start_pose());
@@ -99,7 +101,8 @@ fn homed(robot: &mut Robot, pace: &mut Lockstep, goal: &[f64; DRIVEN]) -> f64 {
     farthest
 }
 
-/// A hand that was released over the keys sinks onto them, and a fingertip may be caught before a black key: the arm lifts it off.
+/// A hand that was released over the keys sinks onto them, and a fingertip may be caught before a
+/// black key: the arm lifts it off.
 #[test]
 fn a_hand_that_has_sunk_onto_the_keys_is_homed() {
     let mut goal = start_pose();
@@ -133,7 +136,8 @@ fn each_joint_that_is_wrong_is_named() {
         );
         assert!(found[joint].problem().unwrap().contains("did not turn"));
     }
-    // The thumb's first joint would begin far outside its range: with that the robot does not start.
+    // The thumb's first joint would begin far outside its range: with that the robot does not
+    // start.
     for joint in (0..JOINTS_CHECKED).filter(|joint| *joint != 12) {
         let (found, mut robot, mut pace) = checked("mild", Some(FaultKind::JointReversed(joint as u8)));
         match robot.fault() {

@@ -1,7 +1,8 @@
-//! Listens in on all that the controller sends, and fails the test at the first thing that is out of bounds.
+//! Listens in on all that the controller sends, and fails the test at the first thing that is out
+//! of bounds.
 //!
-//! Decoding and limits are its own, from the published sources: what the crate's codecs and tables had
-//! wrong, it would not share.
+//! Decoding and limits are its own, from the published sources: what the crate's codecs and tables
+//! had wrong, it would not share.
 
 use std::f64::consts::PI;
 use std::time::Duration;
@@ -36,20 +37,24 @@ const JOINT_RAD_S: f64 = PI;
 const TARGET_SECS: f64 = 0.005;
 /// A target repeated after a longer pause than this still may not leap.
 const MAX_SECS: f64 = 0.02;
-/// The first target may be so far from the arm: reports are up to 10 ms old, and it may still brake.
+/// The first target may be so far from the arm: reports are up to 10 ms old, and it may still
+/// brake.
 const FIRST_RAD: f64 = 0.1;
-/// Time after a key went down in which the hand may not yet brake: a poll, a set-point, a target, and the jerk of each.
+/// Time after a key went down in which the hand may not yet brake: a poll, a set-point, a target,
+/// and the jerk of each.
 const REACTION_SECS: f64 = 0.025;
 /// The same after a finger came between fences, where the hand's angles may be old.
 const OLD_ANGLES_SECS: f64 = 0.015;
-/// A fingertip this far below the tops of the white keys is between fences, whatever biases and play the encoders have, m.
+/// A fingertip this far below the tops of the white keys is between fences, whatever biases and
+/// play the encoders have, m.
 const BETWEEN_FENCES_M: f64 = 0.0055;
 /// Lowest and highest note of the keyboard.
 const NOTES: [u8; 2] = [36, 84];
 /// Set-points per second.
 const SETPOINT_SECS: f64 = 0.005;
 
-/// A set-point as differences tell it: position, and once there were enough of them, speed and acceleration.
+/// A set-point as differences tell it: position, and once there were enough of them, speed and
+/// acceleration.
 #[derive(Clone, Copy, Default)]
 struct Past {
     position: Option<f64>,
@@ -71,7 +76,8 @@ pub struct Judge {
     /// Speed (m/s) and acceleration (m/s²) along the keyboard between the last targets.
     arm_speed: f64,
     arm_acceleration: f64,
-    /// The longest step of the flange from target to target, and the greatest acceleration and jerk along the keyboard.
+    /// The longest step of the flange from target to target, and the greatest acceleration and jerk
+    /// along the keyboard.
     pub worst_step_m: f64,
     pub worst_m_s2: f64,
     pub worst_m_s3: f64,
@@ -83,7 +89,8 @@ pub struct Judge {
     /// Since when a finger is between fences.
     low_since: Option<Duration>,
     key_down_m_s: f64,
-    /// Greatest speed along the keyboard while a key sounds or a finger is between fences and the hand has had time to brake, m/s.
+    /// Greatest speed along the keyboard while a key sounds or a finger is between fences and the
+    /// hand has had time to brake, m/s.
     pub worst_key_down_m_s: f64,
     past: [Past; 13],
     /// Whether the arm is told where to be by the set-point of the rail.
@@ -230,7 +237,8 @@ impl Judge {
             11 => assert_eq!(params, [8, 1]),
             12 => assert!(params == [0] || params == [4], "{params:?}"),
             19 => assert!(first <= 2 && params.len() <= 2, "{params:?}"),
-            // What the arm takes for jerks and accelerations of its own moves, mm and rad (xArm user manual).
+            // What the arm takes for jerks and accelerations of its own moves, mm and rad (xArm
+            // user manual).
             31..=34 => {
                 let most = [100_000.0, 50_000.0, 500.0, 20.0][usize::from(register - 31)];
                 assert!(params.len() == 4 && (1e-3..=most).contains(&floats[0]), "{register}: {floats:?}");
@@ -270,7 +278,8 @@ impl Judge {
             assert!(far(&before) <= JOINT_RAD_S * secs + rounding, "{} rad in {secs} s", far(&before));
             let flange_distance_m = (forward(&joints).position_m - forward(&before).position_m).norm();
             assert!(flange_distance_m <= FLANGE_M_S * secs + rounding, "{flange_distance_m} m in {secs} s");
-            // The arm takes each target at full speed, however late it comes, and stands still if none comes.
+            // The arm takes each target at full speed, however late it comes, and stands still if
+            // none comes.
             let along = forward(&joints).position_m[1] - forward(&before).position_m[1];
             let speed = along / TARGET_SECS;
             if (now - at).as_secs_f64() > 1.75 * TARGET_SECS {
@@ -279,7 +288,8 @@ impl Judge {
             let acceleration = (speed - self.arm_speed) / TARGET_SECS;
             let jerk = (acceleration - self.arm_acceleration) / TARGET_SECS;
             let limits = &self.limits[12];
-            // Besides: what a joint that started outside its range is eased by, and what floats round off.
+            // Besides: what a joint that started outside its range is eased by, and what floats
+            // round off.
             assert!(speed.abs() <= limits.velocity + 0.03, "{speed} m/s along the keyboard");
             assert!(
                 acceleration.abs() <= limits.acceleration * 1.02 + 0.3,

@@ -1,5 +1,5 @@
-//! Whatever a policy asks, an operator does, and devices and wires say or break: the judge finds nothing outside
-//! the limits, and nothing panics.
+//! Whatever a policy asks, an operator does, and devices and wires say or break: the judge finds
+//! nothing outside the limits, and nothing panics.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -104,7 +104,8 @@ fn any_parameters() -> impl Strategy<Value = TwinParams> {
         )
     };
     let bytes = move || {
-        // A connection mostly keeps its bytes: most of what they say would never be heard otherwise.
+        // A connection mostly keeps its bytes: most of what they say would never be heard
+        // otherwise.
         plan().prop_map(|plan| FaultPlan {
             duplicate: 0.0,
             reorder: 0.0,
@@ -253,7 +254,8 @@ proptest! {
     }
 }
 
-/// Sweeps along the keyboard while a key goes down and comes up, and replies of the arm are held back.
+/// Sweeps along the keyboard while a key goes down and comes up, and replies of the arm are held
+/// back.
 #[test]
 fn a_hand_brakes_while_a_key_is_down() {
     let mut bench = Bench::at_the_keyboard(&TwinParams::load("mild").unwrap());
@@ -285,7 +287,8 @@ fn a_hand_brakes_while_a_key_is_down() {
     assert!(judge.worst_key_down_m_s > 0.9 * limits.key_down_rail_velocity);
 }
 
-/// The same while a finger is low, and no key sounds: it is curled in front of the keys and touches nothing.
+/// The same while a finger is low, and no key sounds: it is curled in front of the keys and touches
+/// nothing.
 #[test]
 fn a_hand_brakes_while_a_finger_is_as_low_as_between_fences() {
     let mut bench = Bench::at_the_keyboard(&TwinParams::load("mild").unwrap());

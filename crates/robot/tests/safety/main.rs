@@ -13,8 +13,8 @@
 //! | `determinism` | the same seed gives the same records |
 //! | `fingers`, `weight` | the controller's kinematics and feed-forward agree with the world |
 //!
-//! `bench` has the controller and the twin, `mischief` disturbs their wires, `judge` listens in and decodes what is sent by itself,
-//! `faults` has the rows of the matrix.
+//! `bench` has the controller and the twin, `mischief` disturbs their wires, `judge` listens in and
+//! decodes what is sent by itself, `faults` has the rows of the matrix.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 

@@ -1,4 +1,5 @@
-//! Somebody at the wires between the controller and the twin: drops, damages and invents what passes, and lets the judge listen.
+//! Somebody at the wires between the controller and the twin: drops, damages and invents what
+//! passes, and lets the judge listen.
 
 use std::collections::VecDeque;
 use std::time::Duration;

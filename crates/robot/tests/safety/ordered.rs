@@ -1,4 +1,5 @@
-//! Faults that a parameter set orders: each kind, in the middle of a performance, ends it as it must.
+//! Faults that a parameter set orders: each kind, in the middle of a performance, ends it as it
+//! must.
 
 use etude_robot::Phase;
 use etude_twin::{FaultKind, TwinParams};
@@ -6,7 +7,8 @@ use etude_twin::{FaultKind, TwinParams};
 use crate::bench::Bench;
 use crate::policy::Policy;
 
-/// When it happens, s since the twin was switched on: after half a second of playing, most of the way to go still.
+/// When it happens, s since the twin was switched on: after half a second of playing, most of the
+/// way to go still.
 const AT_SECS: f64 = 0.9;
 /// The slowest to be seen is an arm that is held: its targets must first have run away from it.
 const SEEN_WITHIN: u32 = 4000;
@@ -15,7 +17,8 @@ const PUSHES_WITHIN: u32 = 20_000;
 
 #[test]
 fn every_kind_ends_a_performance() {
-    // A joint without torque endangers nobody. It is found by `robot check --joints`, or where it is sent both ways (`faults/hand.rs`).
+    // A joint without torque endangers nobody. It is found by `robot check --joints`, or where it
+    // is sent both ways (`faults/hand.rs`).
     for kind in FaultKind::examples().filter(|kind| !matches!(kind, FaultKind::JointDead(_))) {
         let text = format!(
             "faults = [{{ kind = \"{kind}\", at_secs = {AT_SECS} }}]\n[keyboard]\nsensing_secs = 0.1"

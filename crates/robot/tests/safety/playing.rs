@@ -33,7 +33,8 @@ fn it_starts_goes_to_the_keyboard_and_follows() {
         let clamped = bench.robot.clamped();
         bench.run(2000);
         assert_eq!(bench.robot.phase(), Phase::Following, "{:?}", bench.robot.fault());
-        // The policy keeps the limits: once the way to where it begins is made up, nothing of it may be changed.
+        // The policy keeps the limits: once the way to where it begins is made up, nothing of it
+        // may be changed.
         assert_eq!(bench.robot.clamped(), clamped);
         let world = bench.lockstep.twin.joints()[RAIL];
         assert!((world - bench.robot.joints()[RAIL]).abs() < 0.01, "{world}");
@@ -41,8 +42,8 @@ fn it_starts_goes_to_the_keyboard_and_follows() {
     }
 }
 
-/// Whatever rig it is, within the ranges of docs/twin.md: its controller brings it to the keyboard and it follows a policy along the whole
-/// of it.
+/// Whatever rig it is, within the ranges of docs/twin.md: its controller brings it to the keyboard
+/// and it follows a policy along the whole of it.
 #[test]
 fn every_rig_that_is_drawn_starts_and_follows() {
     let drawn = (1..=20).map(|seed| format!("random:{seed}"));
@@ -62,7 +63,8 @@ fn every_rig_that_is_drawn_starts_and_follows() {
     }
 }
 
-/// By the wall clock a command comes a millisecond or more after its control step has begun, while the grid of the set-points has any phase.
+/// By the wall clock a command comes a millisecond or more after its control step has begun, while
+/// the grid of the set-points has any phase.
 #[test]
 fn a_command_that_comes_within_a_set_point_changes_nothing() {
     for (phase, late) in [(0, 0), (0, 2), (1, 1), (2, 2), (3, 2), (4, 4)] {
@@ -85,14 +87,16 @@ fn a_command_that_comes_within_a_set_point_changes_nothing() {
             bench.run(50);
         }
         assert_eq!(bench.robot.phase(), Phase::Following, "{:?}", bench.robot.fault());
-        // A waypoint that is skipped and one that is repeated would ask for more than the rail's acceleration.
+        // A waypoint that is skipped and one that is repeated would ask for more than the rail's
+        // acceleration.
         let clamped = bench.robot.clamped() - before;
         // The first one is from rest.
         assert!(clamped <= 1, "grid {phase} ms, command {late} ms late: {clamped}");
     }
 }
 
-/// Slow replies slow the arm a little; ones with which it cannot keep up are a fault, and do not leave the hand behind.
+/// Slow replies slow the arm a little; ones with which it cannot keep up are a fault, and do not
+/// leave the hand behind.
 #[test]
 fn an_arm_that_replies_late_follows_or_stops() {
     // One way.
@@ -131,7 +135,8 @@ fn an_arm_that_replies_late_follows_or_stops() {
     }
 }
 
-/// All replies of the arm are held back once, and then come together. The judge looks at each target that is sent afterwards.
+/// All replies of the arm are held back once, and then come together. The judge looks at each
+/// target that is sent afterwards.
 #[test]
 fn replies_that_were_held_back_make_no_leap() {
     println!("| held back | on the way | moving | playing |\n|---|---|---|---|");

@@ -1,4 +1,5 @@
-//! Wires that come back, devices that are not there, and what an operator may ask at the wrong time.
+//! Wires that come back, devices that are not there, and what an operator may ask at the wrong
+//! time.
 
 use std::time::Duration;
 

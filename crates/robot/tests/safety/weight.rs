@@ -1,4 +1,5 @@
-//! The hand has a weight in the twin, and the controller's feed-forward holds it: computed by MuJoCo, not by our formula.
+//! The hand has a weight in the twin, and the controller's feed-forward holds it: computed by
+//! MuJoCo, not by our formula.
 
 use std::time::Duration;
 
@@ -81,6 +82,7 @@ fn sag(feed_forward: bool) -> f64 {
 fn a_hand_with_a_weight_hangs_without_the_feed_forward() {
     let (held, hanging) = (sag(true), sag(false));
     println!("the base of a finger hangs by {hanging:.4} rad, {held:.4} rad with the feed-forward");
-    // 0.072 N·m over 3 N·m/rad and the encoders' bias, 0.01 rad at most, which stays; dry friction holds a part.
+    // 0.072 N·m over 3 N·m/rad and the encoders' bias, 0.01 rad at most, which stays; dry friction
+    // holds a part.
     assert!((0.02..0.04).contains(&hanging) && held < 0.015, "{held} {hanging}");
 }

@@ -7,8 +7,8 @@ fn twin(twin_params: &str) -> Twin {
     Twin::new(&TwinParams::parse(twin_params).unwrap(), HandSide::Left).unwrap()
 }
 
-/// The middle finger bends at its root under this duty, from above the keys: what the keyboard says in half a
-/// second.
+/// The middle finger bends at its root under this duty, from above the keys: what the keyboard says
+/// in half a second.
 fn strike(twin_params: &str, pwm: i16) -> Vec<u8> {
     let mut twin = twin(twin_params);
     let pose = twin.world.start_pose();
@@ -26,7 +26,8 @@ fn strike(twin_params: &str, pwm: i16) -> Vec<u8> {
     said
 }
 
-/// In the paper's home the arm holds the hand clear of the keyboard: without power the fingers hang, and no key sounds.
+/// In the paper's home the arm holds the hand clear of the keyboard: without power the fingers
+/// hang, and no key sounds.
 #[test]
 fn an_arm_that_is_not_at_the_keys_holds_the_hand_above_them() {
     let mut twin = Twin::new(&TwinParams::load("standard").unwrap(), HandSide::Left).unwrap();
@@ -179,8 +180,8 @@ fn what_the_hand_sends_is_what_its_encoders_read() {
     assert_eq!(counts, [0, allegro::counts_from_rad(0.49), 0, 0]);
 }
 
-/// Full duty, and no friction or damping but the motor's own: the joint's speed is the one in the twin parameters. With friction and viscosity it
-/// is slower as the textbook says.
+/// Full duty, and no friction or damping but the motor's own: the joint's speed is the one in the
+/// twin parameters. With friction and viscosity it is slower as the textbook says.
 #[test]
 fn a_joint_turns_as_fast_as_its_parameter_set_says() {
     const JOINT: usize = 5;
@@ -220,7 +221,8 @@ fn a_joint_turns_as_fast_as_its_parameter_set_says() {
     assert!((measured / expected - 1.0).abs() < 0.03, "{measured} rad/s, not {expected}");
 }
 
-/// Just below its dead band a joint stands, just above it turns; in the parameter sets that ship as in one that is drawn.
+/// Just below its dead band a joint stands, just above it turns; in the parameter sets that ship as
+/// in one that is drawn.
 #[test]
 fn a_joint_stands_below_its_dead_band() {
     for name in ["standard", "worn", "random:3"] {
@@ -250,7 +252,8 @@ fn a_joint_stands_below_its_dead_band() {
     }
 }
 
-/// A turning joint keeps turning as before when its motor's torque turns round, for the time that the motor takes to cross the play.
+/// A turning joint keeps turning as before when its motor's torque turns round, for the time that
+/// the motor takes to cross the play.
 #[test]
 fn a_torque_crosses_the_play_before_it_slows_the_joint() {
     const JOINT: usize = 5;

@@ -1,10 +1,11 @@
-//! Nobody but the twin knows its parameters: that `TwinParams` has no readable fields is shown beside it (`src/params.rs`), here that
-//! nobody goes around it.
+//! Nobody but the twin knows its parameters: that `TwinParams` has no readable fields is shown
+//! beside it (`src/params.rs`), here that nobody goes around it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Crates that may hand a parameter set to a twin, or tell one parameter set from another, which is all that they can do with one.
+/// Crates that may hand a parameter set to a twin, or tell one parameter set from another, which is
+/// all that they can do with one.
 const MAY_USE_A_TWIN: [&str; 3] = ["cli", "experiment", "perform"];
 
 fn crates() -> Vec<PathBuf> {
@@ -40,7 +41,8 @@ fn only_crates_that_set_up_a_twin_depend_on_it() {
     assert_eq!(users, MAY_USE_A_TWIN);
 }
 
-/// A file of twin parameters, and what a twin's devices were told of it, are not looked at by those who have a twin.
+/// A file of twin parameters, and what a twin's devices were told of it, are not looked at by those
+/// who have a twin.
 #[test]
 fn nobody_else_reads_twin_parameters() {
     let mut found = Vec::new();

@@ -1,4 +1,5 @@
-//! A twin on sockets: the faults that its parameters order reach a controller in another thread as they would a real rig's.
+//! A twin on sockets: the faults that its parameters order reach a controller in another thread as
+//! they would a real rig's.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

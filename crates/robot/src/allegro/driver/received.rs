@@ -8,7 +8,8 @@ use crate::allegro::fault::HandFault;
 use crate::allegro::messages::{Finger, Information, StatusBits};
 use crate::allegro::state::{HandEvent, HandState, Step};
 
-/// Late replies in a row that are a fault: the program that polls may itself have been held up during one.
+/// Late replies in a row that are a fault: the program that polls may itself have been held up
+/// during one.
 const LATE_REPLIES: u32 = 3;
 const GENERATION: u8 = 4;
 
@@ -71,8 +72,9 @@ impl Hand {
         }
     }
 
-    /// Frames of the hand reach us in the order in which they were sent: if a reply is late, so are the positions. Each finger is asked in
-    /// turn, so a reply is not taken for that to an earlier question.
+    /// Frames of the hand reach us in the order in which they were sent: if a reply is late, so are
+    /// the positions. Each finger is asked in turn, so a reply is not taken for that to an earlier
+    /// question.
     pub(super) fn take_temperature(&mut self, now: Duration, finger: Finger, celsius: [u8; 4]) {
         let asked = self.known.asked.get_mut(finger.number()).and_then(Option::take);
         if let Some(by) = asked.map(|at| now.saturating_sub(at)) {

@@ -18,8 +18,8 @@ pub struct ArmConfig {
     pub payload_centre_mm: [f64; 3],
     /// How easily the controller sees a collision, 0 (never) to 5.
     pub collision_sensitivity: u8,
-    /// Box that the flange must stay in, mm in the frame of the arm's base: lowest and highest x, y, z. Without one,
-    /// the controller keeps its own setting.
+    /// Box that the flange must stay in, mm in the frame of the arm's base: lowest and highest x,
+    /// y, z. Without one, the controller keeps its own setting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fence_mm: Option<Fence>,
     /// Jerk of straight moves that the arm plans itself, m/s³.
@@ -47,16 +47,17 @@ pub struct ArmConfig {
 }
 
 impl Default for ArmConfig {
-    /// Payload: the paper's hand (lasr-lab/learning-to-play-piano). Limits and rates: the xArm user manual; for the flange,
-    /// below the speed at which the controller stops.
+    /// Payload: the paper's hand (lasr-lab/learning-to-play-piano). Limits and rates: the xArm user
+    /// manual; for the flange, below the speed at which the controller stops.
     fn default() -> Self {
         Self {
             payload_kg: 1.091,
             payload_centre_mm: [-9.72, 18.38, 157.69],
             collision_sensitivity: 3,
             fence_mm: None,
-            // The controller's default jerks and largest accelerations (xArm user manual). They replace what another
-            // program has set. Servo mode is documented to use the largest acceleration, which may be this one.
+            // The controller's default jerks and largest accelerations (xArm user manual). They
+            // replace what another program has set. Servo mode is documented to use the largest
+            // acceleration, which may be this one.
             tcp_jerk_m_s3: 7.0,
             tcp_acceleration_m_s2: 50.0,
             joint_jerk_rad_s3: 200.0,
@@ -85,7 +86,8 @@ impl ArmConfig {
             ("payload_centre_mm (y)", y, -500.0..=500.0),
             ("payload_centre_mm (z)", z, -500.0..=500.0),
             ("collision_sensitivity", self.collision_sensitivity.into(), 0.0..=5.0),
-            // The largest values are the controller's; with smaller ones than the least a move home would take minutes.
+            // The largest values are the controller's; with smaller ones than the least a move home
+            // would take minutes.
             ("tcp_jerk_m_s3", self.tcp_jerk_m_s3, 0.1..=100.0),
             ("tcp_acceleration_m_s2", self.tcp_acceleration_m_s2, 0.1..=50.0),
             ("joint_jerk_rad_s3", self.joint_jerk_rad_s3, 1.0..=499.9),
@@ -123,7 +125,8 @@ mod tests {
             ("payload_kg", |config| config.payload_kg = f64::NAN),
             ("payload_centre_mm (z)", |config| config.payload_centre_mm[2] = 1577.0),
             ("collision_sensitivity", |config| config.collision_sensitivity = 6),
-            // 1145 °/s², 28647 °/s³, 50000 mm/s² and 100000 mm/s³ are the most that the controller takes.
+            // 1145 °/s², 28647 °/s³, 50000 mm/s² and 100000 mm/s³ are the most that the controller
+            // takes.
             ("tcp_jerk_m_s3", |config| config.tcp_jerk_m_s3 = 100.1),
             ("tcp_acceleration_m_s2", |config| config.tcp_acceleration_m_s2 = 50.1),
             ("joint_jerk_rad_s3", |config| config.joint_jerk_rad_s3 = 28648_f64.to_radians()),

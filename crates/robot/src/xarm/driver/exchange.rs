@@ -1,4 +1,5 @@
-//! The arm's requests and replies: when each is sent, what its answer means, and what happens if none comes.
+//! The arm's requests and replies: when each is sent, what its answer means, and what happens if
+//! none comes.
 
 use std::time::Duration;
 
@@ -12,13 +13,13 @@ use crate::xarm::kinematics::ARM_JOINTS;
 
 /// Time between two stop commands until the reports show that the arm has stopped.
 const STOP_AGAIN: Duration = Duration::from_millis(100);
-/// Longest that a change of the set-up may take: enabling the motors releases brakes. The official SDK waits
-/// as long.
+/// Longest that a change of the set-up may take: enabling the motors releases brakes. The official
+/// SDK waits as long.
 const CHANGE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Time between two requests for the state.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
-/// Offsets of the box and of its switch in the reply of register 53, which has the order of the report from its byte 495
-/// on (ufactory_docs).
+/// Offsets of the box and of its switch in the reply of register 53, which has the order of the
+/// report from its byte 495 on (ufactory_docs).
 const BOX_AT: usize = 1;
 const FENCE_AT: usize = 77;
 
@@ -266,7 +267,8 @@ impl Arm {
         watched && self.config.fence_mm.is_some_and(|fence| sides.eq(fence.to_wire()))
     }
 
-    /// Whether the arm is ready in this mode: its reply and a report from after the change both confirm it.
+    /// Whether the arm is ready in this mode: its reply and a report from after the change both
+    /// confirm it.
     fn awaited(&self, now: Duration, work: &Work, mode: u8, state: u8) -> Result<bool, ArmFault> {
         let fresh = self.report.filter(|(_, at)| *at > work.since);
         let ready = fresh.is_some_and(|(report, _)| report.mode == mode && (1..=2).contains(&report.state));

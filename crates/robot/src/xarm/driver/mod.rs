@@ -1,9 +1,10 @@
-//! The driver of the arm: computes from the arm's replies and reports what to send next, and stops it on any deviation.
+//! The driver of the arm: computes from the arm's replies and reports what to send next, and stops
+//! it on any deviation.
 //!
 //! It receives the bytes of the command port and of the report port with the time of their arrival;
-//! [`poll`](Arm::poll) returns what to send. One request is outstanding at a time; only a stop does not wait for
-//! its turn. After a fault the stop is repeated until the arm's reports confirm it, and
-//! nothing else is sent until [`start`](Arm::start).
+//! [`poll`](Arm::poll) returns what to send. One request is outstanding at a time; only a stop does
+//! not wait for its turn. After a fault the stop is repeated until the arm's reports confirm it,
+//! and nothing else is sent until [`start`](Arm::start).
 
 mod config;
 mod distance;
@@ -65,12 +66,13 @@ impl Arm {
         Ok(())
     }
 
-    /// The newest target, joints in rad. [`poll`](Self::poll) sends it at the next tick and again at each one
-    /// after that, until there is a newer one. The first one must be near where the arm is, and each of the
-    /// next ones within the speed limits of the one before.
+    /// The newest target, joints in rad. [`poll`](Self::poll) sends it at the next tick and again
+    /// at each one after that, until there is a newer one. The first one must be near where the arm
+    /// is, and each of the next ones within the speed limits of the one before.
     ///
     /// # Errors
-    /// If the arm is not ready. If the target is not allowed: that is a fault, and the arm is stopped.
+    /// If the arm is not ready. If the target is not allowed: that is a fault, and the arm is
+    /// stopped.
     pub fn servo(&mut self, now: Duration, joints_rad: [f64; ARM_JOINTS]) -> Result<(), ArmError> {
         if !matches!(self.phase, Phase::Ready) {
             return Err(ArmError::NotNow(self.state()));
@@ -85,7 +87,8 @@ impl Arm {
         Ok(())
     }
 
-    /// Whether a target that is given now is sent at the next [`poll`](Self::poll), without waiting for a tick or a reply.
+    /// Whether a target that is given now is sent at the next [`poll`](Self::poll), without waiting
+    /// for a tick or a reply.
     pub fn takes_target(&self, now: Duration) -> bool {
         let unsent = self.target.is_some_and(|target| target.at > self.sent_at());
         matches!(self.phase, Phase::Ready) && self.outstanding.is_none() && self.is_due(now) && !unsent
@@ -96,8 +99,8 @@ impl Arm {
         self.sent.and_then(|sent| sent.at)
     }
 
-    /// Moves the ticks to a quarter of a period after the grid on which targets are computed, so that each is sent once. The next tick
-    /// comes no sooner than it would have.
+    /// Moves the ticks to a quarter of a period after the grid on which targets are computed, so
+    /// that each is sent once. The next tick comes no sooner than it would have.
     pub fn align(&mut self, now: Duration, grid: Duration) {
         let period = self.config.servo_period();
         let earliest = self.next_tick.unwrap_or(now);
@@ -120,8 +123,8 @@ impl Arm {
         Ok(())
     }
 
-    /// Stops the arm: appends the command at once, in every state, even if a request is outstanding. A fault stays
-    /// a fault.
+    /// Stops the arm: appends the command at once, in every state, even if a request is
+    /// outstanding. A fault stays a fault.
     pub fn stop(&mut self, now: Duration, out: &mut Vec<u8>) {
         if self.active() {
             self.phase = Phase::Stopped;

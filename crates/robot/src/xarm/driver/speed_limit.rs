@@ -1,5 +1,5 @@
-//! The last check of every target before the wire: it must be reachable and close to the one before, and each step
-//! that is sent stays within the speed limits.
+//! The last check of every target before the wire: it must be reachable and close to the one
+//! before, and each step that is sent stays within the speed limits.
 
 use super::distance::{flange_distance_m, largest_turn, possible};
 use super::fault::TargetError;
@@ -34,8 +34,9 @@ impl Arm {
         Ok(())
     }
 
-    /// The last limit before the wire: as much of the path from what was sent last to the target as the speed
-    /// limits allow. It is less than all of it only after late replies, as [`servo`](Arm::servo) refuses what is too fast.
+    /// The last limit before the wire: as much of the path from what was sent last to the target as
+    /// the speed limits allow. It is less than all of it only after late replies, as
+    /// [`servo`](Arm::servo) refuses what is too fast.
     pub(super) fn within_reach(&self, target: Target) -> Target {
         let Some(sent) = self.sent else { return target };
         let secs = self.step_secs();
@@ -54,15 +55,16 @@ impl Arm {
             }
             joints
         };
-        // The flange's path is curved: a share of the turns can be more than that share of the path.
+        // The flange's path is curved: a share of the turns can be more than that share of the
+        // path.
         for _ in 0..CORRECTIONS {
             share *= (max_m / flange_distance_m(&sent.joints, &part(share)).max(1e-9)).min(1.0);
         }
         Target { joints: part(share), ..target }
     }
 
-    /// Time that a step may use, s: a period, whatever time has passed since the last target, because the arm takes each target at
-    /// full speed.
+    /// Time that a step may use, s: a period, whatever time has passed since the last target,
+    /// because the arm takes each target at full speed.
     fn step_secs(&self) -> f64 {
         self.config.servo_period().as_secs_f64() * ROUNDING
     }

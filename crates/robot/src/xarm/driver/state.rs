@@ -75,7 +75,8 @@ pub(super) struct Work {
 }
 
 impl Work {
-    /// Whether the arm must not be in this state: a change of mode leads to state 5, and only a start begins at a stop.
+    /// Whether the arm must not be in this state: a change of mode leads to state 5, and only a
+    /// start begins at a stop.
     pub fn forbids(&self, state: u8) -> bool {
         state == STOPPED && self.steps != steps::START
     }

@@ -1,6 +1,7 @@
 //! What is sent, one request after the other, to bring the arm from one condition to the next.
 //!
-//! A reply does not prove that a command was carried out, so each list ends by reading back state and mode.
+//! A reply does not prove that a command was carried out, so each list ends by reading back state
+//! and mode.
 
 use crate::xarm::codec::Register;
 
@@ -19,15 +20,16 @@ pub(super) enum Step {
     Fenced,
     /// Reads the error: there must be none.
     NoError,
-    /// Reads the state: another client may have stopped the arm, and setting the state would undo that.
+    /// Reads the state: another client may have stopped the arm, and setting the state would undo
+    /// that.
     Unstopped,
     /// Reads the state until it and a fresh report confirm that the arm is ready in this mode.
     Await(u8),
 }
 
-/// From any condition to following targets. Limits pass through the queue of planned moves, which runs in its own
-/// mode only (ufactory_docs); the box is set last, when a report has shown where the arm stands. A stored offset of
-/// the tool would move the box against the flange.
+/// From any condition to following targets. Limits pass through the queue of planned moves, which
+/// runs in its own mode only (ufactory_docs); the box is set last, when a report has shown where
+/// the arm stands. A stored offset of the tool would move the box against the flange.
 pub(super) const START: &[Step] = &[
     Step::Version,
     Step::Serial,
@@ -88,7 +90,8 @@ impl Step {
     }
 }
 
-/// The version that the arm reports: axes, type, prefixes of two serial numbers, firmware (register 1).
+/// The version that the arm reports: axes, type, prefixes of two serial numbers, firmware (register
+/// 1).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ArmVersion {
     /// Number of joints.

@@ -35,8 +35,8 @@ fn what_was_sent_is_said_and_within_the_table() {
     assert_eq!(on_wire, sent);
 }
 
-/// Frames that a hand, a host or a broken bus could send: identifiers mostly with a meaning, and this share
-/// of them with any bytes, the others with some that let a driver go on.
+/// Frames that a hand, a host or a broken bus could send: identifiers mostly with a meaning, and
+/// this share of them with any bytes, the others with some that let a driver go on.
 fn random_frame(random: &mut Pcg64, hostile: f64) -> CanFrame {
     let known = [
         0x100, 0x104, 0x180, 0x184, 0x188, 0x18C, 0x204, 0x200, 0x220, 0x80, 0x84, 0x88, 0x8C, 0xC0, 0xE0,
@@ -65,8 +65,8 @@ fn within_the_table(first_joint: usize, pwm: &[i16]) -> bool {
     pwm.iter().zip(&PWM_LIMITS[first_joint..]).all(|(pwm, limit)| pwm.unsigned_abs() <= limit.unsigned_abs())
 }
 
-/// Half a million frames into a driver, and into an emulator that hears it too; any torques asked for; starts
-/// and stops at any time. Gives how often the driver sent a torque.
+/// Half a million frames into a driver, and into an emulator that hears it too; any torques asked
+/// for; starts and stops at any time. Gives how often the driver sent a torque.
 fn storm(hostile: f64) -> u32 {
     let mut random = Pcg64::seed_from_u64(11);
     let config = HandEmulatorConfig { noise_counts: 100, ..HandEmulatorConfig::default() };
@@ -141,7 +141,8 @@ proptest! {
         }
     }
 
-    /// Wherever the joints are within their limits, the hand starts and its positions are right to a count.
+    /// Wherever the joints are within their limits, the hand starts and its positions are right to
+    /// a count.
     #[test]
     fn positions_are_those_of_the_joints(shares in any::<[u8; WIRE_JOINTS]>()) {
         let mut bench = Bench::default();

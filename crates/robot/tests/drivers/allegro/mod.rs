@@ -1,4 +1,5 @@
-//! The hand's driver against the emulator, in virtual time: the start, a closed loop, every fault, and any bytes at all.
+//! The hand's driver against the emulator, in virtual time: the start, a closed loop, every fault,
+//! and any bytes at all.
 
 mod hostile;
 mod running;

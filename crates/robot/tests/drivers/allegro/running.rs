@@ -105,8 +105,8 @@ fn stop_is_allowed_always_and_often() {
     assert_eq!(bench.hand.state(), HandState::Ready);
 }
 
-/// Runs a ready hand, applies a change, and gives the fault; the hand must have been let go at once and stay
-/// so.
+/// Runs a ready hand, applies a change, and gives the fault; the hand must have been let go at once
+/// and stay so.
 fn fault_after(change: impl FnOnce(&mut Bench)) -> HandFault {
     let mut bench = Bench::ready();
     bench.run(ms(300));

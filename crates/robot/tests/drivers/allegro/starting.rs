@@ -95,7 +95,8 @@ fn faults_while_starting() {
     }
 }
 
-/// Whatever frame of the start is lost, it is said again; nothing but zeros before the hand is ready.
+/// Whatever frame of the start is lost, it is said again; nothing but zeros before the hand is
+/// ready.
 #[test]
 fn a_lost_frame_costs_no_start() {
     for lost in [0x104, 0x180, 0x200, 0x204, 0x100] {

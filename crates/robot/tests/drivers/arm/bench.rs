@@ -205,7 +205,8 @@ pub fn home() -> [f64; ARM_JOINTS] {
     PAPER_HOME_DEG.map(f64::to_radians)
 }
 
-/// The paper's slide: `share` is 0 over the highest key and 1 over the lowest (lasr-lab/learning-to-play-piano).
+/// The paper's slide: `share` is 0 over the highest key and 1 over the lowest
+/// (lasr-lab/learning-to-play-piano).
 pub fn over_keys(share: f64) -> Pose {
     let at = [0.485, 0.3365 - 0.673 * share, 0.169 + 0.003 * share];
     Pose::from_rpy(at, [-90.0_f64, 225.0, -90.0].map(f64::to_radians))

@@ -51,7 +51,8 @@ fn limits_and_box_arrive_in_the_arms_units() {
     bench.arm.connected(bench.now);
     bench.arm.start(bench.now).unwrap();
     bench.until(ArmState::Ready);
-    // Little-endian floats of mm and rad; six integers of mm, highest and lowest of each axis (registers 52, 35).
+    // Little-endian floats of mm and rad; six integers of mm, highest and lowest of each axis
+    // (registers 52, 35).
     let params = |register: u8| {
         let said = bench.wire.frames.iter().find(|frame| frame.register() == register);
         said.unwrap().params().to_vec()

@@ -265,8 +265,8 @@ fn a_stop_from_elsewhere_during_a_change_of_mode_is_a_fault() {
             Frame::new(1, 2, &[&[Register::SetState as u8, 4]]).unwrap().write(&mut bytes);
             bench.emulator.receive(bench.now, other, &bytes);
             bench.run(200);
-            // An order on its way when the stop comes undoes it, for two round trips of a change of mode: who stops
-            // looks twice (`Stopper`).
+            // An order on its way when the stop comes undoes it, for two round trips of a change of
+            // mode: who stops looks twice (`Stopper`).
             if bench.fault().is_none() {
                 late += 1;
                 continue;

@@ -95,8 +95,8 @@ fn millions_of_bytes_break_nothing() {
 }
 
 proptest! {
-    /// Whatever is asked for and whenever, what leaves is within the limits: the bench's ear holds each frame
-    /// against them.
+    /// Whatever is asked for and whenever, what leaves is within the limits: the bench's ear holds
+    /// each frame against them.
     #[test]
     fn no_target_outside_the_limits_leaves(
         asked in prop::collection::vec((0..30_u64, 0.0..0.06_f64, prop::array::uniform7(-1.0..1.0_f64)), 1..100),

@@ -1,4 +1,5 @@
-//! The arm's driver against the arm's emulator: in virtual time, on sockets, and under bytes that make no sense.
+//! The arm's driver against the arm's emulator: in virtual time, on sockets, and under bytes that
+//! make no sense.
 
 mod bench;
 mod driving;

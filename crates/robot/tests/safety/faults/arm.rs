@@ -1,4 +1,5 @@
-//! Faults of the arm and of its link, alone and together with the hand's. A report comes every 10 ms.
+//! Faults of the arm and of its link, alone and together with the hand's. A report comes every 10
+//! ms.
 
 use std::collections::VecDeque;
 

@@ -1,4 +1,5 @@
-//! Faults of the hand and of its bus. Positions, state and temperature are told every 3, 100 and 400 ms.
+//! Faults of the hand and of its bus. Positions, state and temperature are told every 3, 100 and
+//! 400 ms.
 
 use std::collections::VecDeque;
 
@@ -13,7 +14,8 @@ use super::{Lost, ROW, Row};
 use crate::mischief::{AlterFrame, Mischief};
 use crate::policy::Policy;
 
-/// Identifiers of the first finger's positions and torques, and of the hand's state; each finger is 4 on.
+/// Identifiers of the first finger's positions and torques, and of the hand's state; each finger is
+/// 4 on.
 const POSITIONS: u16 = 0x080;
 const TORQUES: u16 = 0x180;
 const INFORMATION: u16 = 0x200;
@@ -293,7 +295,8 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "another device fills the bus with its own frames",
-        // Six a millisecond are most of what a bus of 1 Mbit/s carries; another hand (number 1) is among them.
+        // Six a millisecond are most of what a bus of 1 Mbit/s carries; another hand (number 1) is
+        // among them.
         strike: |b| {
             let ids = [0x081, 0x085, 0x201, 0x181, 0x7FF, 0x000];
             b.mischief.flood = ids.map(|id| CanFrame::new(id, &[0xFF; 8]).unwrap()).to_vec();
