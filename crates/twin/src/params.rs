@@ -226,7 +226,7 @@ mod tests {
         assert!(refused("colour = 1").contains("t.toml"));
         assert!(refused("[world]\ncone = \"round\"").contains("pyramidal"));
         assert!(refused("[hand]\nno_load_rad_per_sec = 0").contains("no_load_rad_per_sec"));
-        assert!(refused("[hand]\nplay_rad = -0.1").contains("motor_backlash_rad"));
+        assert!(refused("[hand]\nmotor_backlash_rad = -0.1").contains("motor_backlash_rad"));
         assert!(refused("[arm]\ndamping_ratio = 0").contains("damping_ratio"));
         assert!(refused("[arm]\ntilt_rad = [0, 0.2]").contains("tilt_rad"));
         assert!(refused("[arm]\nsag_m = 0.1").contains("sag_m"));

@@ -164,7 +164,7 @@ fn keys_have_their_own_springs_and_thresholds() {
 
 #[test]
 fn what_the_hand_sends_is_what_its_encoders_read() {
-    let mut loose = twin("[hand]\nbacklash_rad = 0.02\nnoise_counts = 0");
+    let mut loose = twin("[hand]\nencoder_backlash_rad = 0.02\nnoise_counts = 0");
     let mut pose = [0.0; DRIVEN_JOINTS];
     pose[5] = 0.5;
     loose.world.reset_to(&pose);
@@ -264,14 +264,15 @@ fn a_torque_crosses_the_play_before_it_slows_the_joint() {
             duty[JOINT] = pwm;
             let (speeds, drives) = (twin.world.joint_velocities(), &twin.drives);
             let mut torques = [0.0; DRIVEN_JOINTS];
-            torques[JOINT] = twin.play.pass(JOINT, |speed| drives.torque(JOINT, &duty, speed), speeds[JOINT]);
+            torques[JOINT] =
+                twin.backlash.pass(JOINT, |speed| drives.torque(JOINT, &duty, speed), speeds[JOINT]);
             twin.drive(&torques);
             twin.world.joint_velocities()[JOINT]
         };
         let fast = (0..30).map(|_| step(60)).last().unwrap();
         (1..200_u32).find(|_| step(-60) < 0.99 * fast).unwrap()
     };
-    let numbers = "[physics]\n\"joint.fingers.armature\" = 0.001\n\"joint.fingers.viscosity\" = 0.0\n[hand]\nplay_rad = ";
+    let numbers = "[physics]\n\"joint.fingers.armature\" = 0.001\n\"joint.fingers.viscosity\" = 0.0\n[hand]\nmotor_backlash_rad = ";
     assert!(reversed(&format!("{numbers}0.0")) <= 2);
     for play in [0.005, 0.02] {
         // 0.05 N·m on the motor's own inertia, seen from the joint.
