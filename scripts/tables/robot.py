@@ -232,10 +232,9 @@ def toml(table, path=()):
 def twin_params_costs(options):
     """What each difference of the twin costs: the set `mild` with one change at a time.
 
-    A cell has onset F1 aligned by the median lag, how much earlier commands are sent, and F1, as
-    means over songs and runs.
+    Cells are means over songs and runs.
     """
-    head("what is changed", *options.modes)
+    head("what is changed", *(f"{mode}: onset F1 without the lag; sent early by; F1 (articulated plan)" for mode in options.modes))
     with tempfile.TemporaryDirectory() as folder:
         if options.drawn:
             rows = [(f"`random:{seed}`", f"random:{seed}") for seed in range(1, options.drawn + 1)]
