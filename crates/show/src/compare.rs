@@ -11,7 +11,7 @@ use crate::replay::{PlayedNote, Take};
 pub struct Comparison {
     /// Each note that was due.
     pub notes: Vec<ComparedNote>,
-    /// Strokes of A and of B that play no due note.
+    /// Wrong strokes of A and of B.
     pub strays: [Vec<PlayedNote>; 2],
 }
 
@@ -24,7 +24,7 @@ pub struct ComparedNote {
     pub name: String,
     /// When it is due in A, s.
     pub due_secs: f64,
-    /// How A and B played it; none where it was missed.
+    /// Its strokes in A and B; none where it was missed.
     pub played: [Option<Stroke>; 2],
 }
 
@@ -45,20 +45,16 @@ impl Comparison {
     /// Compares two performances.
     ///
     /// # Errors
-    /// If one has no notes that were due, or they are not of the same piece.
+    /// If one has no due notes, or they are not of the same song.
     pub fn new(a: &Take, b: &Take) -> anyhow::Result<Self> {
         for take in [a, b] {
             if take.due_notes.is_empty() {
-                bail!(
-                    "{} does not say which notes were due: it has no song; compare recordings of `etude play` or \
-                     `etude perform`",
-                    take.name
-                );
+                bail!("{} has no due notes: record a song with `etude play` or `etude perform`", take.name);
             }
         }
         if !a.has_the_notes_of(b) {
             bail!(
-                "{} ({}) and {} ({}) are not of the same notes; compare performances of one piece",
+                "{} ({}) and {} ({}) are not of the same notes; compare performances of one song",
                 a.name,
                 a.song,
                 b.name,
@@ -85,18 +81,18 @@ pub fn title(a: &Take, b: &Take) -> String {
 }
 
 fn stroke(take: &Take, index: usize) -> Option<Stroke> {
-    let heard = take.matches[index]?;
-    let (due, played) = (take.due_notes[index], take.notes[heard.note]);
+    let found = take.matches[index]?;
+    let (due, played) = (take.due_notes[index], take.notes[found.note]);
     Some(Stroke {
         onset_error_secs: played.start - due.start,
         length_error_secs: (played.end - played.start) - (due.end - due.start),
         velocity: played.velocity,
-        right: heard.right,
+        right: found.right,
     })
 }
 
 fn strays(take: &Take) -> Vec<PlayedNote> {
-    let plays_none = |index: usize| take.matches.iter().flatten().all(|heard| heard.note != index);
+    let plays_none = |index: usize| take.matches.iter().flatten().all(|found| found.note != index);
     take.notes.iter().enumerate().filter(|(index, _)| plays_none(*index)).map(|(_, note)| *note).collect()
 }
 
@@ -131,12 +127,12 @@ mod tests {
     fn two_songs_are_refused_also_if_their_pitches_are_the_same() {
         let one = take("One", &[(60, 1.0), (62, 1.5)]);
         let later = take("One", &[(60, 1.045), (62, 1.545)]);
-        assert!(Comparison::new(&one, &later).is_ok(), "another lead");
+        assert!(Comparison::new(&one, &later).is_ok(), "another latency compensation");
         for other in [&[(60, 1.0), (62, 2.0)][..], &[(60, 1.0), (64, 1.5)], &[(60, 1.0)]] {
             let refused = Comparison::new(&one, &take("Two", other)).unwrap_err().to_string();
             assert_eq!(
                 refused,
-                "One.mcap (One) and Two.mcap (Two) are not of the same notes; compare performances of one piece"
+                "One.mcap (One) and Two.mcap (Two) are not of the same notes; compare performances of one song"
             );
         }
         // The same notes under two titles: both are named.

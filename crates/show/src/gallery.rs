@@ -68,7 +68,7 @@ pub struct Exhibit {
     pub incomplete: Option<String>,
 }
 
-/// Makes a gallery of `recordings` in `folder`. Reports the index of the recording that is next.
+/// Makes a gallery of `recordings` in `folder`. Reports the index of the next recording.
 ///
 /// # Errors
 /// If no recording can be shown, or a file cannot be written; [`Interrupted`] if the job is
@@ -87,7 +87,7 @@ pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) 
             return Err(Interrupted(text).into());
         }
         job.report(&number);
-        // A damaged file must not prevent the others from being shown.
+        // A damaged file does not stop the others.
         let take = match read_take(path) {
             Ok(take) => take,
             Err(error) => {
@@ -136,7 +136,7 @@ pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) 
     Ok(gallery)
 }
 
-/// Draws the fingers at the moment of most keys; `false` if the recording has no motion.
+/// Draws the fingers at the time of most keys; `false` if the recording has no motion.
 fn still(take: &Take, path: &Path) -> anyhow::Result<bool> {
     if take.positions.is_empty() {
         return Ok(false);
@@ -166,8 +166,8 @@ fn stem(number: usize, take: &Take) -> String {
 fn index(exhibits: &[Exhibit]) -> String {
     let body = html! {
         p {
-            "A picture leads to its replay: the hand in motion, what was due and what was played, and the sound. In the piano roll below a \
-             picture, a right note is filled, one too early or too late is pale in a purple frame, a missed one is hatched in red, and a wrong stroke is a narrow orange bar."
+            "Each picture links to its replay. In the piano roll, a right note is filled, one too early or too late is pale with a purple \
+             outline, a missed one is hatched in red, and a wrong stroke is a narrow orange bar."
         }
         div.cards {
             @for exhibit in exhibits {
@@ -194,7 +194,7 @@ fn index(exhibits: &[Exhibit]) -> String {
                 }
             }
         }
-        p.quiet { "F1 is the paper’s, by control step." }
+        p.quiet { "F1 is by control step." }
     };
     page("Recordings", &body)
 }

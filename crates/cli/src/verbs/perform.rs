@@ -6,6 +6,7 @@ use clap::ValueHint;
 use etude_lab::{
     CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotStep, find_song, name_the_lead, play_on_robot,
 };
+use etude_music::KeyScheduleRule;
 use etude_music::sound::SoundFont;
 use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
@@ -19,21 +20,22 @@ use crate::status::planner;
 
 const DEFAULT_TWIN_PARAMS: &str = "standard";
 
-/// What to play, how, and on which robot.
+/// Song, player, mode and robot.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Modes (paper, appendix): in joint-mirroring the policy observes the simulation, and the robot follows the simulated \
 joints; hybrid is the same, but the policy observes the robot's keys; in real it observes the robot alone.
 
 The twin is an emulated robot: its devices use the same bytes as the real ones, and a second simulated world that differs \
-from the simulator (--twin-params) moves them. It runs as fast as it can be computed, and the same seed gives the same recording. \
+from the simulator (--twin-params) moves them. It runs faster than the wall clock, and the same seed gives the same recording. \
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
 
-A first run, which is not counted, measures how late the notes are. In the other runs the plan leads by that time. There is no such run with \
---set task.plan.latency_compensation_secs=SECS, with --correction, or if the robot does not go to the keyboard (--home).
+A first run, which is not counted, measures the lag of the notes. In the other runs the commands are sent \
+earlier by that time. There is no such run with --set task.plan.latency_compensation_secs=SECS, with \
+--correction, or if the robot is not homed (--home).
 
-Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
-reference.wav (what should have been played). They are in DIR/1 for the first performance, DIR/2 for the next: none is \
+Files, per run: run-N.mcap (observations, commands, measurements), .mid, .wav, .csv; and report.json, \
+reference.wav (as written). They are in DIR/1 for the first performance, DIR/2 for the next: none is \
 replaced, and one that failed or was interrupted keeps its folder. DIR/latest links to the last one with a complete run, which \
 `replay`, `compare` and `render` take if they are given DIR.
 
@@ -46,12 +48,11 @@ pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
-    /// joint-mirroring, hybrid or real; `real` if not given, or with --correction the mode in which
-    /// it was learned
+    /// joint-mirroring, hybrid or real; by default real, or with --correction its mode
     #[arg(long)]
     mode: Option<Mode>,
-    /// What `etude rehearse --adapt` has learned for this song on this robot (correction.json): its
-    /// policy plays
+    /// The correction that `etude rehearse --adapt` has learned for this song on this robot
+    /// (correction.json), with its policy
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with_all = ["policy", "scripted", "overrides"])]
     correction: Option<PathBuf>,
     /// `twin`, or the file of a rig
@@ -64,10 +65,10 @@ pub struct Args {
     /// Inject a fault into the twin, as in `etude twin`; starting and homing take some ten seconds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
     faults: Vec<OrderedFault>,
-    /// First move the robot slowly to the keyboard (a twin always does this). Stand clear
+    /// Home first: move the robot slowly to the keyboard (a twin always does). Stand clear
     #[arg(long)]
     home: bool,
-    /// How many times to play
+    /// Number of performances
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     runs: u16,
     /// Seed of the twin's noise; each run adds one
@@ -92,7 +93,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
-    // First, so that no request to stop the robot is lost while a policy is loaded.
+    // Opened first, so that no request to stop the robot is lost while a policy is loaded.
     let rig = with_faults(rig_choice(&args.robot, &args.twin_params)?, &args.faults)?;
     let learned = args.correction.as_deref().map(CorrectionFile::load).transpose()?;
     let mut planner = planner(args.json);
@@ -136,15 +137,15 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if args.json {
         print_json(&report)?;
     } else {
-        print(&report)?;
+        print(&report, f1_name(pianist.config.task.plan.rule))?;
     }
     match report.runs.last().map(|run| &run.ending) {
         Some(Played::Fault(fault)) => anyhow::bail!(
-            "the performance ended with a fault: {fault}; remove the cause, then give the same command again"
+            "the performance ended with a fault: {fault}; remove the cause, then repeat the command"
         ),
         Some(Played::Complete) if report.runs.len() == play.runs => Ok(Ending::Done),
         _ => {
-            note(format!("stopped; the means are of the runs before, of {} that were asked for", play.runs));
+            note(format!("stopped; the means are of the complete runs, of {} requested", play.runs));
             Ok(Ending::Stopped)
         }
     }
@@ -182,7 +183,7 @@ fn mode(asked: Option<Mode>, learned: Option<&CorrectionFile>) -> anyhow::Result
     match (asked, learned.map(|learned| learned.mode)) {
         (Some(asked), Some(learned)) if asked != learned => {
             anyhow::bail!(
-                "the correction is for {learned}, in which it was learned, not for {asked}; leave out --mode"
+                "the correction is for {learned}, in which it was learned, not for {asked}; omit --mode"
             )
         }
         (asked, learned) => Ok(asked.or(learned).unwrap_or(Mode::Real)),
@@ -202,16 +203,24 @@ fn with_faults(rig: RigChoice, faults: &[OrderedFault]) -> anyhow::Result<RigCho
     }
 }
 
-/// The result of the run that measures how late a robot's notes are.
+/// The result of the run that measures the lag of a robot's notes.
 pub(super) fn lag_measured(notes: &NoteCounts, latency_compensation_secs: Option<f64>) -> String {
     let found = latency_compensation_secs
-        .map_or("no note is right with the lag removed, so the plan keeps its lead".to_string(), |lead| {
-            format!("from now on the plan leads by {:.0} ms", lead * 1e3)
+        .map_or("no note is right without the lag, so it is unchanged".to_string(), |secs| {
+            format!("{:.0} ms from now on", secs * 1e3)
         });
-    format!("run to measure how late the notes are (not counted): {notes}; {found}")
+    format!("lag measurement (not counted): {notes}; latency compensation: {found}")
 }
 
-fn print(report: &RobotReport) -> anyhow::Result<()> {
+/// The name of F1 by control step: it is the paper's only by RoboPianist's rule.
+fn f1_name(rule: KeyScheduleRule) -> &'static str {
+    match rule {
+        KeyScheduleRule::Robopianist => "The paper's F1",
+        KeyScheduleRule::Articulated => "F1 (articulated plan)",
+    }
+}
+
+fn print(report: &RobotReport, f1_name: &str) -> anyhow::Result<()> {
     line(format!(
         "{} played by {} on {}{}, {}",
         report.song,
@@ -225,7 +234,7 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     ))?;
     if report.only_measuring {
         line(
-            "The measuring run ended early, so no counted run was played; remove the cause, then repeat the command",
+            "The lag measurement ended early, so no counted run was played; remove the cause, then repeat the command",
         )?;
     }
     for (index, run) in report.runs.iter().enumerate() {
@@ -233,13 +242,13 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     }
     if let Some(lag) = report.lag_secs {
         let MeanNotes { onset_f1, onset_f1_without_lag: aligned, .. } = report.notes;
-        // A lag that costs no note needs no advice.
+        // No advice if the lag does not lower the score.
         let advice = report.better_latency_compensation_secs().filter(|_| aligned > onset_f1);
-        let advice = advice.map_or_else(String::new, |lead| {
-            format!("; on time with --set task.plan.latency_compensation_secs={lead:.3}")
+        let advice = advice.map_or_else(String::new, |secs| {
+            format!("; on time with --set task.plan.latency_compensation_secs={secs:.3}")
         });
         line(format!(
-            "Onset F1 {onset_f1:.3}, aligned by the median lag {aligned:.3}; lag {:+.0} ms; the plan leads by {:.0} ms{advice}",
+            "Onset F1 {onset_f1:.3}, aligned by the median lag {aligned:.3}; lag {:+.0} ms; latency compensation {:.0} ms{advice}",
             lag * 1e3,
             report.latency_compensation_secs * 1e3,
         ))?;
@@ -254,7 +263,7 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     let spread =
         if report.runs.len() > 1 { format!(" ± {:.3}", report.robot_f1_std) } else { String::new() };
     line(format!(
-        "The paper's F1 {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.1} %",
+        "{f1_name} {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.1} %",
         report.sim_f1,
         report.robot_f1,
         report.robot,

@@ -94,7 +94,7 @@ pub struct Args {
     /// --resume` can continue one
     #[arg(long)]
     keep_replay: bool,
-    /// Print nothing but one JSON array at the end: the iterations. The best one has the highest mean
+    /// Print only one JSON array at the end: the iterations. The best one has the highest mean
     /// of robot_f1 and onset_f1. With --adapt, now or before, an object: iterations and adapted
     #[arg(long)]
     json: bool,
@@ -219,7 +219,7 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
             status.now(&format!("recorded {excitation} ({number} of {all})"), "");
         }
         RehearsalStep::LeftOut { recording, why } => {
-            status.done(&format!("warning: {} is not fitted to: {why}", recording.display()));
+            status.done(&format!("warning: {} is not used for the fit: {why}", recording.display()));
         }
         RehearsalStep::Identifying(iteration, at) => {
             let [phase, state] = fit_progress(at);
@@ -272,7 +272,7 @@ fn show_adapting(status: &mut Status, step: &AdaptStep, runs: usize) {
         AdaptStep::Adapting(index, most, run) => status.part(
             "adapting",
             &format!(
-                ", run {} of at most {most}, {}, F1 {:.3}; off its path: fingers {:.0} mrad, rail {:.1} mm",
+                ", run {} of at most {most}, {}, F1 {:.3}; joint error: fingers {:.0} mrad, rail {:.1} mm",
                 index + 1,
                 run.notes,
                 run.f1,
@@ -291,7 +291,7 @@ fn show_adapting(status: &mut Status, step: &AdaptStep, runs: usize) {
 
 fn print_adapted(adapted: &Adapted) -> anyhow::Result<()> {
     let by = match adapted.best {
-        0 | 1 => "played without a correction, because no correction was better".to_string(),
+        0 | 1 => "played without a correction: none was better".to_string(),
         runs => format!("with the correction after {runs} runs, the best of {}", adapted.adapting.len()),
     };
     line(format!(

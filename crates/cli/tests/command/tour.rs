@@ -39,8 +39,8 @@ fn left_out(line: &str) -> Option<&'static str> {
 }
 
 /// Runs a command in `sandbox`. Only trainings and fits are made short; what is learned in that
-/// time pushes at the limits of the hand's torque until the twin is stopped, so the scripted baseline
-/// performs in its place.
+/// time pushes at the limits of the hand's torque until the twin is stopped, so the scripted
+/// baseline performs in its place.
 fn run(sandbox: &Sandbox, command: &Documented) {
     let home = sandbox.path("home");
     let at_home = |word: &String| word.replace('~', &home.display().to_string());

@@ -50,7 +50,8 @@ pub(super) fn contract(pianist: &Pianist, song: &Song) -> Result<Value, TaskErro
 /// The groups of columns of the observation, in their order.
 fn columns(task: &TaskConfig) -> Vec<Value> {
     let from_hand = task.view == ObservationView::Hand;
-    let place = if task.rail_set_point { "; of the rail its last set-point, not its reading" } else { "" };
+    let place =
+        if task.rail_set_point { "; of the rail its last set-point, not its measured position" } else { "" };
     let rail = if from_hand { "; the rail's less `rail_m` of this control step" } else { "" };
     let mut columns = Vec::new();
     let mut add = |kind: &str, steps: usize, columns_: usize, name: String| {
@@ -71,7 +72,7 @@ fn columns(task: &TaskConfig) -> Vec<Value> {
         add("goals", 0, (3 + usize::from(task.velocities)) * FINGERS, name);
     }
     if from_hand {
-        let name = "planned places of the rail, white keys: that of this control step less the middle of the window, then those of the \
+        let name = "planned positions of the rail, white keys: that of this control step less the middle of the window, then those of the \
                     next ones less that of this one, clamped to -4 ... 4";
         add("places", 0, task.lookahead + 1, name.to_string());
     }

@@ -49,10 +49,10 @@ impl Adaptation {
             section {
                 h2 { "Learned on the robot itself" }
                 p {
-                    "The policy of iteration 0 was played " (adapted.adapting.len()) " times in " (adapted.mode) ". After each run, what the \
-                     joints missed corrected their set-points for the next one, and keys that sounded too short, not at all, or beside the right one \
-                     changed where the fingers aim. What run " (kept) " played was kept: it was the best \
-                     together with the runs beside it. "
+                    "The policy of iteration 0 was played " (adapted.adapting.len()) " times in " (adapted.mode) ". After each run, the joint \
+                     errors corrected the set-points of the next one, and keys that sounded too short, not at all, or next to the right one \
+                     shifted the finger targets. The correction of run " (kept) " was selected: it is the best \
+                     with its neighbours. "
                     @if adapted.is_better_than(best) {
                         "With it the robot plays better than in iteration " (best.iteration) ", by the mean of F1 and onset F1. Play it with "
                         code { "--correction " (adapted.correction.display()) } "."
@@ -65,7 +65,7 @@ impl Adaptation {
                 ul.performances {
                     li { (see_and_hear(&format!("run {}, before any correction", BEFORE + 1), &self.before)) }
                     @for (index, performance) in self.performances.iter().enumerate() {
-                        li { (see_and_hear(&format!("the adapted playing, run {}", index + 1), performance)) }
+                        li { (see_and_hear(&format!("the adapted performance, run {}", index + 1), performance)) }
                     }
                 }
             }
@@ -91,7 +91,7 @@ fn drawings(adapted: &Adapted) -> [Drawing; 3] {
             y_label: unit.to_string(),
             markers: true,
             series,
-            marks: "the run that was kept".to_string(),
+            marks: "the selected run".to_string(),
             ..Drawing::default()
         }
     };
@@ -101,12 +101,12 @@ fn drawings(adapted: &Adapted) -> [Drawing; 3] {
     let rail = vec![series("rail", &|run| 1e3 * run.rail_missed_m)];
     [
         drawing("Notes right while learning", "notes", notes),
-        drawing("Fingers off their path, root mean square", "mrad", fingers),
-        drawing("Rail off its path, root mean square", "mm", rail),
+        drawing("Joint error of the fingers, root mean square", "mrad", fingers),
+        drawing("Joint error of the rail, root mean square", "mm", rail),
     ]
 }
 
-/// The best iteration, the mode of the adaptation before any correction, and the adapted playing.
+/// The best iteration, the mode of the adaptation before any correction, and the adapted performance.
 fn comparison(adapted: &Adapted, best: &Iteration, mode: &str) -> Markup {
     let row = |how: String, notes: &MeanNotes, f1: String| {
         vec![
@@ -190,17 +190,17 @@ mod tests {
         let page = adaptation.section(&iteration(0), "real").unwrap().into_string();
         for part in [
             "was played 3 times in joint-mirroring. After",
-            "What run 3 played was kept",
+            "The correction of run 3 was selected",
             "plays better than in iteration 0",
             "--correction there/adaptation/correction.json",
             "Notes right while learning",
-            "Fingers off their path",
-            "Rail off its path",
+            "Joint error of the fingers",
+            "Joint error of the rail",
             "<td>real, iteration 0</td><td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>0.000</td><td>0.900 ± 0.010</td>",
             "joint-mirroring before any correction, run 2 alone</td><td>13.0\u{a0}of\u{a0}14</td><td>1.0</td><td>0.000</td><td>0.900</td>",
             "joint-mirroring with the correction</td><td>13.8\u{a0}of\u{a0}14</td><td>0.0</td><td>0.990</td><td>0.957 ± 0.003</td>",
             "Replay of run 2, before any correction",
-            "Replay of the adapted playing, run 1",
+            "Replay of the adapted performance, run 1",
         ] {
             assert!(page.contains(part), "{part} is not in {page}");
         }
@@ -240,6 +240,6 @@ mod tests {
         assert_eq!((right, due), (vec![1.0, 13.0, 14.0], vec![14.0; 3]));
         let kept = [&notes, &fingers, &rail].map(|drawing| drawing.series[0].marks.clone());
         assert_eq!(kept, [14.0, 50.0, 4.0].map(|y| vec![Mark { x: Some(3.0), y }]));
-        assert!(fingers.svg().unwrap().contains("the run that was kept"));
+        assert!(fingers.svg().unwrap().contains("the selected run"));
     }
 }

@@ -1,5 +1,5 @@
 //! The page of a rehearsal: notes right and the gap by iteration, the performances to see and to hear,
-//! what was learned on the robot itself, and the simulator's numbers.
+//! what was learned on the robot itself, and the simulator's parameters.
 
 mod adaptation;
 mod numbers;
@@ -27,13 +27,13 @@ pub const REHEARSAL_PAGE: &str = "rehearsal.html";
 pub struct RehearsalPage<'a> {
     config: &'a RehearsalConfig,
     folder: &'a Path,
-    iterations: Vec<NoteJudgement>,
+    iterations: Vec<IterationResult>,
     adaptation: Option<Adaptation>,
     written: anyhow::Result<()>,
 }
 
 /// An iteration and its performances.
-struct NoteJudgement {
+struct IterationResult {
     iteration: Iteration,
     performances: Vec<Performance>,
 }
@@ -49,7 +49,7 @@ impl<'a> RehearsalPage<'a> {
         self.then(|page| {
             let shown = iteration.recordings.iter().map(|path| performance(path, page.folder));
             let performances = shown.collect::<anyhow::Result<Vec<_>>>()?;
-            page.iterations.push(NoteJudgement { iteration: iteration.clone(), performances });
+            page.iterations.push(IterationResult { iteration: iteration.clone(), performances });
             Ok(())
         });
     }
@@ -86,7 +86,7 @@ impl<'a> RehearsalPage<'a> {
 /// The page of the iterations so far.
 fn rehearsal_page(
     config: &RehearsalConfig,
-    iterations: &[NoteJudgement],
+    iterations: &[IterationResult],
     adaptation: Option<&Adaptation>,
 ) -> anyhow::Result<String> {
     let results: Vec<&Iteration> = iterations.iter().map(|shown| &shown.iteration).collect();
@@ -101,7 +101,7 @@ fn rehearsal_page(
         p {
             "Mode " (config.mode) ", robot " (config.rig)
             @if let Some(twin_params) = &config.twin_params { " (twin parameters " (twin_params) ")" }
-            ", preset " (config.preset) ", " (config.runs) " runs an iteration, seed " (config.seed) ". Iteration 0 plays what was learned in the \
+            ", preset " (config.preset) ", " (config.runs) " runs per iteration, seed " (config.seed) ". Iteration 0 plays the policy of the \
              default simulator."
             @if let Some(best) = best { " Iteration " (best.iteration) " has played best, by the mean of F1 and onset F1"
                 @if adaptation.is_none() { ": its policy is the one to use" } "." }
@@ -196,7 +196,7 @@ fn scores(iterations: &[&Iteration]) -> Markup {
         "notes right on the robot",
         "wrong",
         "onset F1, robot",
-        "lead of the plan, ms",
+        "latency compensation, ms",
         "remaining lag, ms",
         "F1, simulation",
         "F1, robot (mean ± standard deviation)",
@@ -252,7 +252,7 @@ mod tests {
             threads: None,
             keep_replay: false,
         };
-        let shown = |number: usize| NoteJudgement {
+        let shown = |number: usize| IterationResult {
             iteration: iteration(number),
             performances: vec![Performance {
                 sound: Some(format!("iteration-{number}/performance/run-1.wav").into()),
@@ -270,7 +270,7 @@ mod tests {
             "twin parameters worn",
             "Iteration 0 has played best, by the mean of F1 and onset F1: its policy is the one to use.",
             "11 columns: scroll the table sideways.",
-            "<summary>Every number that an iteration has changed: 1</summary>",
+            "<summary>Changed parameters: 1</summary>",
             "Notes right on the robot",
             "notes due",
             "gap (%)",

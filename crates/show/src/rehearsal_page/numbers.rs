@@ -49,12 +49,11 @@ impl Changed {
     }
 }
 
-/// Every number that an iteration has changed.
+/// Every parameter that an iteration has changed.
 pub(super) fn numbers(iterations: &[&Iteration]) -> Markup {
-    let fitted: Vec<&&Iteration> =
-        iterations.iter().filter(|iteration| !iteration.physics.is_empty()).collect();
+    let fitted: Vec<&&Iteration> = iterations.iter().filter(|iteration| !iteration.physics.is_empty()).collect();
     let Some(last) = fitted.last() else { return Markup::default() };
-    let mut columns = ["number", "unit", "default"].map(String::from).to_vec();
+    let mut columns = ["parameter", "unit", "default"].map(String::from).to_vec();
     columns.extend(fitted.iter().map(|iteration| format!("iteration {}", iteration.iteration)));
     let changed = PhysicalParams::rows()
         .filter(|(path, _, _)| fitted.iter().any(|iteration| iteration.physics.contains_key(path)));
@@ -66,10 +65,10 @@ pub(super) fn numbers(iterations: &[&Iteration]) -> Markup {
     let rows: Vec<_> = rows.collect();
     html! {
         section {
-            h2 { "The simulator’s numbers" }
+            h2 { "The simulator’s parameters" }
             p { (in_words(last)) }
             details {
-                summary { "Every number that an iteration has changed: " (rows.len()) }
+                summary { "Changed parameters: " (rows.len()) }
                 (table("The default simulator and the iterations", &columns, rows))
             }
         }
@@ -106,15 +105,12 @@ fn in_words(iteration: &Iteration) -> String {
             Some(format!("{name}{of}, from {} to {}", number(most.default), most.with_unit(most.value)))
         })
         .collect();
-    let mut text = format!(
-        "Iteration {} has other values than the default simulator for {count} numbers.",
-        iteration.iteration
-    );
+    let mut text = format!("Iteration {} changes {count} parameters of the default simulator.", iteration.iteration);
     if !other.is_empty() {
         text += &format!(" Changed most: {}.", other.join("; "));
     }
     if !new.is_empty() {
-        text += &format!(" Zero by default, and now not: {}.", new.join("; "));
+        text += &format!(" Not zero any more: {}.", new.join("; "));
     }
     text
 }
@@ -171,8 +167,8 @@ mod tests {
             Iteration { iteration: 2, physics: physics.into(), ..super::super::tests::iteration(2) };
         assert_eq!(
             in_words(&iteration),
-            "Iteration 2 has other values than the default simulator for 6 numbers. Changed most: jerk limit of the rail, from 1425 to 142.5 \
-             m/s³; key threshold, from 0.5000 to 0.5500 fraction of travel. Zero by default, and now not: delay (2 joints, largest for index_1: \
+            "Iteration 2 changes 6 parameters of the default simulator. Changed most: jerk limit of the rail, from 1425 to 142.5 \
+             m/s³; key threshold, from 0.5000 to 0.5500 fraction of travel. Not zero any more: delay (2 joints, largest for index_1: \
              0.01230 s); keyboard height (-0.002000 m)."
         );
     }

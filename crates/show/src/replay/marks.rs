@@ -15,9 +15,9 @@ const MAX_TEXT_CHARS: usize = 400;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MarkKind {
-    /// The robot stopped itself.
+    /// A safety stop.
     Fault,
-    /// Something that an operator should read.
+    /// A warning to the operator.
     Warning,
     /// The robot entered another phase.
     Phase,
@@ -28,9 +28,9 @@ pub enum MarkKind {
 /// A mark on the time line.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mark {
-    /// When.
+    /// Its time.
     pub secs: f64,
-    /// What it is about.
+    /// Its kind.
     pub kind: MarkKind,
     /// What happened.
     pub text: String,
@@ -67,7 +67,7 @@ fn clamps(recording: &Recording) -> Vec<Mark> {
         Mark {
             secs: rounded(from),
             kind: MarkKind::Clamp,
-            text: format!("{name}: set-points changed by the limit of {limit} for {:.2} s", to - from),
+            text: format!("{name}: set-points clamped by the limit of {limit} for {:.2} s", to - from),
         }
     };
     for (secs, point) in &recording.setpoints {

@@ -184,7 +184,7 @@ impl Take {
             name,
             song: header.song.clone(),
             player: header.player.clone(),
-            who: who(&header.player, &header.song),
+            who: player_label(&header.player, &header.song),
             rig: header.rig.clone(),
             mode: if in_simulation { String::new() } else { header.activity.to_string() },
             control_hz: hz,
@@ -286,22 +286,20 @@ fn events(recording: &Recording, end_secs: f64) -> (KeySet, Vec<KeyEvent>) {
 fn incomplete(recording: &Recording, steps: usize, due: usize) -> Option<String> {
     let of = if due > 0 { format!("{steps} of {due}") } else { steps.to_string() };
     if steps == 0 {
-        return Some("The recording holds no control step, so there is nothing to move.".to_string());
+        return Some("The recording has no control step, so nothing moves.".to_string());
     }
     if steps < recording.steps.len() {
-        return Some(format!("The recording is damaged after control step {of}; it is shown until there."));
+        return Some(format!("The recording is damaged after control step {of}; the rest is not shown."));
     }
     if !recording.complete {
-        return Some(format!(
-            "The recording was cut short or is damaged; it is shown as far as it goes, {of} control steps."
-        ));
+        return Some(format!("The recording is incomplete or damaged; its {of} control steps are shown."));
     }
     (steps < due).then(|| format!("The performance ended early, after {of} control steps."))
 }
 
 /// The player, in short: a policy that comes with Étude, or that of a run, by its name and without
 /// its path.
-fn who(player: &str, song: &str) -> String {
+fn player_label(player: &str, song: &str) -> String {
     let path = Path::new(player);
     // The training of a rehearsal's round is named by the round.
     let folder = path.ancestors().skip(1).find(|folder| !folder.ends_with("training"));
@@ -336,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn who_played_is_said_in_short() {
+    fn players_have_short_labels() {
         for (player, short) in [
             ("/home/a/etude/policies/sight-reader.safetensors", "sight-reader"),
             ("policies/twinkle.safetensors", "shipped policy"),
@@ -346,7 +344,7 @@ mod tests {
             ("elsewhere/mine.safetensors", "elsewhere/mine.safetensors"),
             ("scripted", "scripted"),
         ] {
-            assert_eq!(who(player, "Twinkle Twinkle Little Star"), short);
+            assert_eq!(player_label(player, "Twinkle Twinkle Little Star"), short);
         }
     }
 }

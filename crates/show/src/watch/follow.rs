@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const TAIL: usize = 1024;
 /// Longer lines are dropped, for example the zeros that a crash leaves, so that they do not fill
 /// the memory.
-const LONGEST_LINE: usize = 1 << 20;
+const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// A file and how far it has been read.
 pub(super) struct Follower {
@@ -78,7 +78,7 @@ impl Lines {
             if self.begun.ends_with(b"\n") {
                 self.begun.pop();
                 whole.push(std::mem::take(&mut self.begun));
-            } else if self.begun.len() > LONGEST_LINE {
+            } else if self.begun.len() > MAX_LINE_BYTES {
                 self.begun.clear();
             }
         }
@@ -137,9 +137,9 @@ mod tests {
     fn an_endless_line_does_not_fill_the_memory() {
         let mut lines = Lines::default();
         for _ in 0..10 {
-            assert!(lines.take(&vec![0; LONGEST_LINE / 2]).is_empty());
+            assert!(lines.take(&vec![0; MAX_LINE_BYTES / 2]).is_empty());
         }
-        assert!(lines.begun.len() <= LONGEST_LINE);
+        assert!(lines.begun.len() <= MAX_LINE_BYTES);
         assert_eq!(lines.take(b"\nwhole\n").last().unwrap(), b"whole");
     }
 
