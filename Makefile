@@ -8,7 +8,7 @@ MINUTES ?= 10
 SONG ?= twinkle
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo wheel lint test test-heavy test-sb3 test-kernel fuzz bench book clean-runs
+.PHONY: help setup build demo pictures wheel lint test test-heavy test-sb3 test-kernel fuzz bench book clean-runs
 
 help:
 	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say which page to open"
@@ -22,6 +22,7 @@ help:
 	@echo "make test-sb3  the adapter for Stable-Baselines3, and SBX's DroQ through it (six gigabytes, for a while)"
 	@echo "make test-kernel  the robot's drivers on a real kernel's CAN and MIDI, in QEMU (skips with a reason without it)"
 	@echo "make book    the documentation as a book in target/book (installs mdBook into .mdbook on first use)"
+	@echo "make pictures  the film and the picture of README and book (needs ffmpeg, Chromium, Node.js)"
 	@echo "make fuzz    ten minutes of hostile MIDI files"
 
 setup:
@@ -46,6 +47,11 @@ demo: build
 	fi
 	$(ETUDE) play $(SONG) --policy runs/demo-$(SONG) --out out/demo-$(SONG)
 	$(ETUDE) replay out/demo-$(SONG)
+
+# They agree with the results table, because the shipped policies play.
+pictures: build
+	cd viewer && npm ci --no-audit --no-fund --loglevel=error
+	$(PYTHON) scripts/pictures.py
 
 lint: setup
 	$(CARGO) fmt --all --check

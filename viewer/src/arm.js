@@ -1,4 +1,7 @@
-/** The arm that carries the hand: tubes between points of its links, which a recording of a robot has. */
+/**
+ * The arm that carries the hand: tubes between points of its links, which a recording of a robot
+ * has.
+ */
 
 import { Vector3 } from 'three';
 

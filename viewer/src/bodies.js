@@ -1,4 +1,7 @@
-/** The tree of bodies, with MuJoCo's meaning of joints: body frame = parent frame · (pos, quat) · joint motion. */
+/**
+ * The tree of bodies, with MuJoCo's meaning of joints: body frame = parent frame · (pos, quat) ·
+ * joint motion.
+ */
 
 import { Group, Quaternion, Vector3 } from 'three';
 

@@ -4,8 +4,9 @@ import { PerspectiveCamera, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 
 /**
- * The views. `direction` points from the target to the camera, `width` × `height` (m) is the visible area at the
- * target, `follows` moves the view along the keyboard with the hand. `etude render` has the same (crates/stage/src/picture.rs).
+ * The views. `direction` points from the target to the camera, `width` × `height` (m) is the
+ * visible area at the target, `follows` moves the view along the keyboard with the hand. `etude
+ * render` has the same (crates/stage/src/picture.rs).
  */
 export const VIEWS = [
   { name: 'player', label: 'Player', target: [0.03, 0, 0.03], direction: [0.66, -0.09, 0.85], width: 0.76, height: 0.33, follows: false },
@@ -55,7 +56,8 @@ export class Cameras {
 
   /** Handles rotation and zoom on a canvas. */
   attach(canvas) {
-    // The wheel scrolls the page; with Ctrl (or by a pinch on a trackpad, which sends the same event) it zooms.
+    // The wheel scrolls the page; with Ctrl (or by a pinch on a trackpad, which sends the same
+    // event) it zooms.
     const wheel = (event) => event.ctrlKey || event.metaKey || event.stopImmediatePropagation();
     canvas.addEventListener('wheel', wheel, { capture: true });
     const controls = new OrbitControls(this.camera, canvas);

@@ -40,7 +40,8 @@ function signedMs(secs) {
 
 /**
  * How a due note was played: onset and length, played minus due, in ms, and velocity.
- * @param {{onset: number, length: number, velocity: number, right: boolean} | null} stroke times in s
+ * @param {{onset: number, length: number, velocity: number, right: boolean} | null} stroke times in
+ *   s
  */
 export function strokeText(stroke) {
   if (stroke === null) return 'missed';

@@ -1,11 +1,17 @@
 /** Time: a clock that follows the sound card if there is sound, and the place in the song. */
 
-/** Rate at which the clock follows the sound card's from frame to frame; that one advances in blocks. */
+/**
+ * Rate at which the clock follows the sound card's from frame to frame; that one advances in
+ * blocks.
+ */
 const FOLLOW = 0.1;
 /** Difference from which on the clock jumps, because the sound was interrupted. */
 const JUMP_SECS = 0.05;
 
-/** Seconds of the sound card while it runs, else of the machine's clock, without jumps between the two. */
+/**
+ * Seconds of the sound card while it runs, else of the machine's clock, without jumps between the
+ * two.
+ */
 export class Timebase {
   constructor() {
     this.offset = 0;

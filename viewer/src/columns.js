@@ -3,7 +3,8 @@
 /**
  * @param {number[]} values one a control step; those that are not finite are left out
  * @param {(step: number) => number} columnOf the pixel column of a control step
- * @returns {{column: number, low: number, mean: number, high: number}[]} one for each column with a value, from left to right
+ * @returns {{column: number, low: number, mean: number, high: number}[]} one for each column with a
+ *   value, from left to right
  */
 export function columnsOf(values, columnOf) {
   const found = [];

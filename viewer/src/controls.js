@@ -13,7 +13,7 @@ const ICONS = {
 const SHORTCUTS = [
   ['Space', 'play or pause'],
   ['← →', 'one control step back or on'],
-  ['Shift ← →', 'one second back or on'],
+  ['Shift ← →', 'one second back or forward'],
   ['Home End', 'to the beginning or the end'],
   ['1 2 3 4', VIEWS.map((view) => view.label.toLowerCase()).join(', ')],
   ['H', 'half speed'],
@@ -151,7 +151,7 @@ function helpDialog() {
     'dialog', { 'aria-label': 'Keyboard shortcuts' },
     element('h2', { text: 'Keyboard shortcuts' }),
     element('table', {}, element('tbody', {}, ...rows)),
-    element('p', { text: 'Drag the scene to turn it; pinch, or turn the wheel with Ctrl, to zoom. Choosing a camera puts it back.' }),
+    element('p', { text: 'Drag the scene to rotate it; pinch, or use the wheel with Ctrl, to zoom. Choosing a camera resets it.' }),
     element('form', { method: 'dialog' }, close),
   );
 }

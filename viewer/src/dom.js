@@ -2,7 +2,8 @@
 
 /**
  * @param {string} tag
- * @param {Object<string, any>} [attributes] `class`, `text`, `on` (event handlers), anything else an attribute
+ * @param {Object<string, any>} [attributes] `class`, `text`, `on` (event handlers), anything else
+ *   an attribute
  * @param {...(Node|string|null)} children
  */
 export function element(tag, attributes = {}, ...children) {
@@ -18,7 +19,10 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-/** A line for a phone above a table of so many columns, seen while the table is wider than the element in which it scrolls. */
+/**
+ * A line for a phone above a table of so many columns, seen while the table is wider than the
+ * element in which it scrolls.
+ */
 export function sidewaysHint(columns, scrolling) {
   const hint = element('p', { class: 'sideways', text: `${columns} columns: scroll the table sideways.`, hidden: true });
   new ResizeObserver(() => {

@@ -2,7 +2,9 @@
 
 import { clockText, element, pitchName } from './dom.js';
 
-/** Difference of played and written velocity (MIDI) from which on a note is too loud or too soft. */
+/**
+ * Difference of played and written velocity (MIDI) from which on a note is too loud or too soft.
+ */
 const VELOCITY_TOLERANCE = 40;
 
 const KINDS = ['missed', 'too early', 'too late', 'wrong stroke', 'too loud', 'too soft'];
@@ -10,7 +12,8 @@ const KINDS = ['missed', 'too early', 'too late', 'wrong stroke', 'too loud', 't
 const ms = (secs) => `${Math.abs(secs * 1000).toFixed(0)} ms`;
 
 /**
- * @returns {{kind: string, secs: number, pitch: number, more: string}[]} notes of the song first, then strokes that play none
+ * @returns {{kind: string, secs: number, pitch: number, more: string}[]} notes of the song first,
+ *   then strokes that play none
  */
 export function mistakes(take) {
   const found = [];

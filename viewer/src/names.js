@@ -3,7 +3,10 @@
 /** Least distance of two names, in pixels. */
 const LINE = 10;
 
-/** The pitches whose names do not touch in rows of this height, in pixels: every C, and what is clear of those before it. */
+/**
+ * The pitches whose names do not touch in rows of this height, in pixels: every C, and what is
+ * clear of those before it.
+ */
 export function readable(pitches, rowHeight) {
   const ordered = [...pitches].sort((a, b) => (a % 12 !== 0) - (b % 12 !== 0) || a - b);
   const named = [];

@@ -1,4 +1,7 @@
-/** Note by note: the mistakes of each take, and every due note with how each take played it. A click goes to its place. */
+/**
+ * Note by note: the mistakes of each take, and every due note with how each take played it. A click
+ * goes to its place.
+ */
 
 import { strokeText } from './classify.js';
 import { clockText, element, pitchName } from './dom.js';

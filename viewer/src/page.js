@@ -14,8 +14,11 @@ import { Sound } from './sound.js';
 import { onThemeChange } from './theme.js';
 import { Timeline } from './timeline.js';
 
-const MOST_PANES = 2;
-/** Interval between updates of cursors and numbers on a slow machine, so that the scene moves in every frame. */
+const MAX_PANES = 2;
+/**
+ * Interval between updates of cursors and numbers on a slow machine, so that the scene moves in
+ * every frame.
+ */
 const SLOW_MARKS_SECS = 0.1;
 const SETTLED_MS = 250;
 
@@ -40,7 +43,7 @@ export class Page {
     this.cameras = new Cameras(() => {
       this.stale = true;
     });
-    const count = Math.min(takes.length, MOST_PANES);
+    const count = Math.min(takes.length, MAX_PANES);
     this.letters = count > 1 ? ['A', 'B'] : [''];
     this.panes = this.letters.map((letter) => new Pane(this.cameras, letter));
     // The last pane is audible: that of the twin or the robot, if there is also a simulation.
@@ -111,7 +114,10 @@ export class Page {
     this.#layOut();
   }
 
-  /** When the first note is due in every pane, so that the page opens with its key lit; without due notes the first stroke. */
+  /**
+   * When the first note is due in every pane, so that the page opens with its key lit; without due
+   * notes the first stroke.
+   */
   #firstNote() {
     const starts = this.panes.map(({ take }) => (take.dueNotes[0] ?? take.notes[0])?.start ?? 0);
     return Math.max(...starts);
@@ -121,7 +127,7 @@ export class Page {
     const parts = [];
     const song = this.takes.some((other) => other.song !== take.song) ? take.song : '';
     if (this.letters[index]) parts.push(element('span', { class: `letter take-${'ab'[index]}`, text: this.letters[index] }));
-    if (this.takes.length > MOST_PANES) parts.push(this.#chooser(index));
+    if (this.takes.length > MAX_PANES) parts.push(this.#chooser(index));
     parts.push(element('span', { class: 'what', text: [song, take.caption() || take.name].filter(Boolean).join(' · '), title: take.name }));
     const scores = summary(take);
     if (scores) parts.push(element('span', { class: 'score', text: scores }));

@@ -1,13 +1,16 @@
 /**
- * Synthesis of a piano tone: partials of a stiff string, each with a fast decaying prompt sound and a quieter, slightly detuned
- * aftersound that decays slowly, and the knock of the hammer.
+ * Synthesis of a piano tone: partials of a stiff string, each with a fast decaying prompt sound and
+ * a quieter, slightly detuned aftersound that decays slowly, and the knock of the hammer.
  */
 
 export const SAMPLE_RATE_HZ = 32000;
 const PARTIALS = 14;
 /** Where along the string the hammer strikes: partials with a node there are weak. */
 const HAMMER_PLACE = 1 / 8;
-/** Seconds in which the prompt sound of middle C's fundamental falls to 1/e; shorter the higher the note. */
+/**
+ * Seconds in which the prompt sound of middle C's fundamental falls to 1/e; shorter the higher the
+ * note.
+ */
 const PROMPT_SECS = 0.7;
 /** The aftersound: its share of the onset, how much longer it rings, and its detuning. */
 const AFTER = { share: 0.22, longer: 5, detuned: 1.0004 };
@@ -65,7 +68,10 @@ function decay(samples, hz, level, secs) {
   }
 }
 
-/** Adds low-pass noise that decays at once. It is the same in every tone, so that a replay always sounds the same. */
+/**
+ * Adds low-pass noise that decays at once. It is the same in every tone, so that a replay always
+ * sounds the same.
+ */
 function knock(samples, force) {
   const span = Math.min(samples.length, Math.ceil(8 * KNOCK.secs * SAMPLE_RATE_HZ));
   let seed = 1;

@@ -10,13 +10,16 @@ const PAD = 4;
 /** Width of the margin with the range, pixels. */
 const MARGIN = 48;
 const DASHES = [[], [5, 3]];
-/** With more control steps in a pixel than this, a line through all of them would fill the chart. */
+/**
+ * With more control steps in a pixel than this, a line through all of them would fill the chart.
+ */
 const CROWDED = 6;
 const BAND_ALPHA = 0.25;
 
 class Plot {
   /**
-   * @param {{title: string, lines: {take: any, letter: string, values: number[]}[], range: [number, number]}} curve
+   * @param {{title: string, lines: {take: any, letter: string, values: number[]}[], range: [number,
+   *   number]}} curve
    */
   constructor({ title, lines, range }, seek) {
     Object.assign(this, { lines, range });
@@ -68,7 +71,10 @@ class Plot {
     for (const [value, inwards] of [[high, 5], [low, -5]]) pen.fillText(shortText(value, 2), MARGIN - 4, y(value) + inwards);
   }
 
-  /** Whether the line of a take is the mean of each pixel column, on a band from the lowest to the highest value. */
+  /**
+   * Whether the line of a take is the mean of each pixel column, on a band from the lowest to the
+   * highest value.
+   */
   isCrowded(take) {
     return take.hz > CROWDED * this.scale;
   }
@@ -92,7 +98,10 @@ function spanOf(lines) {
   return [least(values), most(values)];
 }
 
-/** From a hundredth below the lowest score to 1, so that a score that is nearly perfect is no flat line. */
+/**
+ * From a hundredth below the lowest score to 1, so that a score that is nearly perfect is no flat
+ * line.
+ */
 function scoreSpanOf(lines) {
   return [Math.floor(100 * least(finite(lines))) / 100, 1];
 }
@@ -140,7 +149,7 @@ export class Plots {
     });
     if (rewards.length === 0) notes.push('The reward terms were not recorded.');
     const named = constant.map((curve) => `${curve.title} ${constantText(curve.lines)}`).join(', ');
-    this.crowded = element('p', { class: 'note', text: 'One pixel of a chart stands for several control steps: the line is their mean, and the pale band reaches from the lowest to the highest.', hidden: true });
+    this.crowded = element('p', { class: 'note', text: 'One pixel of a chart is several control steps: the line is their mean, the pale band their range.', hidden: true });
     this.root = element(
       'section', { class: 'numbers' },
       element('h2', { text: 'Scores by control step so far, and the reward terms of each step' }),

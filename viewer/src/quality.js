@@ -2,7 +2,10 @@
 
 const SLOW_FRAME_MS = 20;
 const COARSEST = 0.5;
-/** Resolution of still pictures, in multiples of the screen's, which smooths edges without antialiasing. */
+/**
+ * Resolution of still pictures, in multiples of the screen's, which smooths edges without
+ * antialiasing.
+ */
 const STILL = 2;
 
 /** Whether there is no graphics card, or none that the browser may use. */

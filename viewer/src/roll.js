@@ -7,15 +7,18 @@ import { readable } from './names.js';
 import { DUE, MISSED, OFF, RIGHT, WRONG, theme } from './theme.js';
 
 /** Least width of a second, in pixels; wider if the whole song fits. */
-const LEAST_PIXELS_PER_SEC = 30;
-/** Height of the roll, spread over the pitches in use within these limits, in pixels. A name fits into the lowest row. */
+const MIN_PIXELS_PER_SEC = 30;
+/**
+ * Height of the roll, spread over the pitches in use within these limits, in pixels. A name fits
+ * into the lowest row.
+ */
 const HEIGHT = 168;
 const ROW = { least: 8, most: 12 };
 /** Width of the margin with the names, and the least distance of two numbers of bars. */
 const MARGIN = 28;
 const BARS_APART = 22;
 /** At least an octave is shown. */
-const LEAST_ROWS = 13;
+const MIN_ROWS = 13;
 
 export class Roll {
   /** @param {(secs: number) => void} seek */
@@ -34,10 +37,13 @@ export class Roll {
     this.root.addEventListener('pointermove', (event) => this.#hint(event));
   }
 
-  /** Sizes the roll for `duration`, which may be longer than the take, so that two takes are aligned. */
+  /**
+   * Sizes the roll for `duration`, which may be longer than the take, so that two takes are
+   * aligned.
+   */
   resize(duration) {
     this.width = this.root.clientWidth;
-    this.scale = Math.max(this.width / Math.max(duration, 1e-3), LEAST_PIXELS_PER_SEC);
+    this.scale = Math.max(this.width / Math.max(duration, 1e-3), MIN_PIXELS_PER_SEC);
     this.song.style.width = `${Math.max(this.width, Math.floor(this.scale * duration))}px`;
     this.song.style.height = `${this.height}px`;
     this.cursor.style.height = `${this.height}px`;
@@ -106,7 +112,10 @@ export class Roll {
     return [start * this.scale, this.#top(pitch), (end - start) * this.scale, this.rowHeight];
   }
 
-  /** A key that sounded, from its stroke to its release. The kinds differ in shape and not only in colour. */
+  /**
+   * A key that sounded, from its stroke to its release. The kinds differ in shape and not only in
+   * colour.
+   */
   #stroke(pen, note, colours) {
     const [x, y, width, height] = this.#place(note);
     if (note.kind === 'wrong') {
@@ -187,9 +196,9 @@ function setFont(pen) {
 
 function rowsOf(pitches) {
   let [low, high] = pitches.length > 0 ? [Math.min(...pitches) - 1, Math.max(...pitches) + 1] : [60, 73];
-  while (high - low + 1 < LEAST_ROWS) {
+  while (high - low + 1 < MIN_ROWS) {
     high += 1;
-    if (high - low + 1 < LEAST_ROWS) low -= 1;
+    if (high - low + 1 < MIN_ROWS) low -= 1;
   }
   return { low, high };
 }

@@ -1,16 +1,19 @@
-/** A small room around the tones: the same feedback delay network (Jot and Chaigne, 1991) as that of the WAV files. */
+/**
+ * A small room around the tones: the same feedback delay network (Jot and Chaigne, 1991) as that of
+ * the WAV files.
+ */
 
-/** Lengths of the delay lines, s: the ways of sound in a room of some metres, without a common divisor. */
+/** Lengths of the delay lines, s: distances of some metres, without a common divisor. */
 const DELAYS_SECS = [0.0147, 0.0179, 0.0211, 0.0239, 0.0277, 0.0319, 0.0353, 0.0397];
 /** Time in which the reverberation falls by 60 dB, s. */
 export const FALL_SECS = 0.7;
-/** Part of each reflection that is smoothed away: walls swallow high notes first. */
+/** Low-pass share of each reflection: walls absorb high notes first. */
 const DULLNESS = 0.35;
-/** Level of the reverberation beside the direct sound. */
+/** Level of the reverberation relative to the direct sound. */
 const WET = 0.16;
 
 /**
- * What the room answers to a clap, without the clap itself.
+ * The impulse response of the room without the direct sound.
  *
  * @param {number} rate samples a second
  * @returns {Float32Array}

@@ -1,4 +1,7 @@
-/** Soft shadows under the hand and its fingertips, which show their height above the keys, in one draw call. */
+/**
+ * Soft shadows under the hand and its fingertips, which show their height above the keys, in one
+ * draw call.
+ */
 
 import { CanvasTexture, InstancedMesh, Matrix4, MeshBasicMaterial, PlaneGeometry, Quaternion, Vector3 } from 'three';
 

@@ -1,6 +1,7 @@
 /**
- * All solid shapes as one mesh in world coordinates. A hundred small boxes have few triangles, but their draw calls are slow without a
- * graphics card; so there is one draw call, and moving vertices are updated here.
+ * All solid shapes as one mesh in world coordinates. A hundred small boxes have few triangles, but
+ * their draw calls are slow without a graphics card; so there is one draw call, and moving vertices
+ * are updated here.
  */
 
 import {
@@ -43,7 +44,10 @@ export class Solids extends Mesh {
     this.matrixAutoUpdate = false;
     for (const attribute of Object.values(this.geometry.attributes)) attribute.setUsage(DynamicDrawUsage);
     let first = 0;
-    /** @type {{shape: Shape, first: number, at: Matrix4}[]} each shape's first vertex, and where it was put last */
+    /**
+     * @type {{shape: Shape, first: number, at: Matrix4}[]} each shape's first vertex, and where it
+     *   was put last
+     */
     this.parts = shapes.map((shape) => {
       const part = { shape, first, at: new Matrix4().makeScale(NaN, NaN, NaN) };
       first += shape.geometry.attributes.position.count;

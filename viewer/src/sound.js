@@ -1,4 +1,4 @@
-/** Notes as sound: what will soon be due is handed to WebAudio with its exact time. */
+/** Notes as sound: the next notes are scheduled in WebAudio with their exact times. */
 
 import { SAMPLE_RATE_HZ, tone } from './piano.js';
 import { impulse } from './room.js';
@@ -12,7 +12,7 @@ const DAMPER_SECS = 0.025;
 /** Tones of velocities this close share a buffer. */
 const VELOCITY_BUCKET = 12;
 /** Half speed is the slowest, and a tone longer than this has died away. */
-const LONGEST_SECS = 6;
+const MAX_SECS = 6;
 /** Level of one full stroke, so that a chord of a few stays below the limiter. */
 const HEADROOM = 0.45;
 
@@ -34,7 +34,7 @@ export class Sound {
   /** Chooses the notes that sound. */
   listenTo(notes) {
     this.notes = notes;
-    this.longest = Math.min(LONGEST_SECS, 2 * Math.max(0.5, ...notes.map((note) => note.end - note.start)) + 0.2);
+    this.longest = Math.min(MAX_SECS, 2 * Math.max(0.5, ...notes.map((note) => note.end - note.start)) + 0.2);
     this.buffers.clear();
     this.restart();
     this.#prepare(notes);
@@ -125,7 +125,10 @@ export class Sound {
     return this.buffers.get(key);
   }
 
-  /** Computes tones when the page is idle, in the order of the notes; a tone that is not ready is computed when it is played. */
+  /**
+   * Computes tones when the page is idle, in the order of the notes; a tone that is not ready is
+   * computed when it is played.
+   */
   #prepare(notes) {
     const idle = window.requestIdleCallback ?? ((call) => setTimeout(call, 30));
     let index = 0;

@@ -23,7 +23,10 @@ export class Take {
     this.pressed = list(take.pressed).map(list);
     this.start = Array.isArray(take.start) ? take.start : null;
     this.positions = filled(list(take.positions), this.start, this.joints.length);
-    /** The robot's arm: radii of its links, and points along them, a row a control step; null without one. */
+    /**
+     * The robot's arm: radii of its links, and points along them, a row a control step; null
+     * without one.
+     */
     this.arm = list(take.arm?.points).length > 0 ? { radii: list(take.arm.radii), points: list(take.arm.points) } : null;
     this.running = take.running ?? {};
     this.final = take.final ?? null;
@@ -52,7 +55,9 @@ export class Take {
     return Math.min(Math.floor(secs * this.hz + 1e-6) - 1, this.steps - 1);
   }
 
-  /** Joint positions at a time into `out`: a smooth curve through the recorded rows (Catmull–Rom). */
+  /**
+   * Joint positions at a time into `out`: a smooth curve through the recorded rows (Catmull–Rom).
+   */
   positionsAt(secs, out) {
     const last = this.positions.length - 1;
     if (last < 0) return out.fill(0);

@@ -2,11 +2,14 @@
 
 import { CanvasTexture, ColorManagement, LinearFilter } from 'three';
 
-// Light is computed in screen colours, because converting every pixel from linear colours is slow without a graphics card. It is set
-// here because it must be set before the first colour is created.
+// Light is computed in screen colours, because converting every pixel from linear colours is slow
+// without a graphics card. It is set here because it must be set before the first colour is
+// created.
 ColorManagement.enabled = false;
 
-/** Okabe and Ito's colours, told apart by every kind of colour vision; the same in light and dark. */
+/**
+ * Okabe and Ito's colours, told apart by every kind of colour vision; the same in light and dark.
+ */
 export const RIGHT = '#0072B2';
 export const OFF = '#CC79A7';
 export const MISSED = '#D55E00';

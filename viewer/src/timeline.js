@@ -18,7 +18,7 @@ const BARS_APART = 6;
 /** Width of a mark in the legend. */
 const SWATCH = 16;
 /** Longest list; a recording that clamps at every step has thousands of marks. */
-const MOST_LISTED = 200;
+const MAX_LISTED = 200;
 /** Distance from the pointer within which a mark shows its tooltip, pixels. */
 const NEAR = 6;
 
@@ -65,12 +65,12 @@ export class Timeline {
     const legend = found.map(([, text], index) => element('span', { class: 'item' }, this.swatches[index].canvas, text));
     this.summary.replaceChildren('On the time line: ', element('span', { class: 'legend' }, ...legend));
     this.details.hidden = this.marks.length === 0;
-    const rows = this.marks.slice(0, MOST_LISTED).map((mark) => {
+    const rows = this.marks.slice(0, MAX_LISTED).map((mark) => {
       const go = element('button', { type: 'button', on: { click: () => this.player.seek(mark.secs) } },
         element('span', { class: 'when', text: clockText(mark.secs) }), ` ${mark.text}`);
       return element('li', { class: `mark ${mark.kind in KINDS ? mark.kind : ''}` }, go);
     });
-    const left = this.marks.length - MOST_LISTED;
+    const left = this.marks.length - MAX_LISTED;
     if (left > 0) rows.push(element('li', { text: `and ${left} more, on the time line above` }));
     this.list.replaceChildren(...rows);
   }

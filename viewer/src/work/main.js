@@ -1,4 +1,7 @@
-/** The page of `etude serve`. Its buttons run verbs of `etude`, and all that it shows is in files; so a reload loses nothing. */
+/**
+ * The page of `etude serve`. Its buttons run verbs of `etude`, and all that it shows is in files;
+ * so a reload loses nothing.
+ */
 
 import { element, reveal, setText } from '../dom.js';
 import * as api from './api.js';
