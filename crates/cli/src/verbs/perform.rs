@@ -58,8 +58,8 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`,
-    /// `random:SEED`, or a file
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`,
+    /// `ideal`, `random:SEED`, or a file
     #[arg(long, default_value = DEFAULT_TWIN_PARAMS, value_name = "NAME|random:SEED|FILE", value_parser = args::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     twin_params: String,
     /// Inject a fault into the twin, as in `etude twin`; starting and homing take some ten seconds
@@ -76,8 +76,8 @@ pub struct Args {
     seed: u64,
     #[command(flatten)]
     pianist: PianistArgs,
-    /// Folder of the numbered results; if not given out/SONG-MODE, with the player if it is not the best policy
-    /// for the song, and the robot if it is not the default twin
+    /// Folder of the numbered results; if not given out/SONG-MODE, with the player if it is not the
+    /// best policy for the song, and the robot if it is not the default twin
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given

@@ -34,8 +34,8 @@ pub struct Args {
     song: String,
     #[command(flatten)]
     pianist: PianistArgs,
-    /// Folder of the numbered results; if not given out/SONG, with the player if it is not the best policy for
-    /// the song
+    /// Folder of the numbered results; if not given out/SONG, with the player if it is not the best
+    /// policy for the song
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given

@@ -28,8 +28,8 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`,
-    /// `random:SEED`, or a file
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`,
+    /// `ideal`, `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     twin_params: String,
     /// The motion: `open-close`, `chirp`, `rail` or `keys` to fit the simulator, `held-out` to test

@@ -43,8 +43,8 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`,
-    /// `random:SEED`, or a file
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`,
+    /// `ideal`, `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     twin_params: String,
     /// Iterations of identifying, training and performing
@@ -77,10 +77,11 @@ pub struct Args {
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
-    /// After the iterations, learn on the robot itself for at most this many minutes of playing: the
-    /// policy of iteration 0 plays in joint-mirroring, or in hybrid with --mode hybrid, and the joint
-    /// errors and the wrongly played keys of a run correct the next run. At least three runs;
-    /// homing and the performances at the end are not counted. With --iterations 0 nothing is fitted
+    /// After the iterations, learn on the robot itself for at most this many minutes of playing:
+    /// the policy of iteration 0 plays in joint-mirroring, or in hybrid with --mode hybrid, and the
+    /// joint errors and the wrongly played keys of a run correct the next run. At least three runs;
+    /// homing and the performances at the end are not counted. With --iterations 0 nothing is
+    /// fitted
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     adapt: Option<f64>,
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise

@@ -28,8 +28,8 @@ Examples:
   etude perform twinkle --robot out/twin/twin.toml --home
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
-    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`, `ideal`,
-    /// `random:SEED`, or a file
+    /// Twin parameters (the hidden physical numbers of the twin): `standard`, `worn`, `mild`,
+    /// `ideal`, `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = args::twin_params(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     twin_params: String,
     /// Inject a fault; may be repeated. An unknown KIND lists all kinds

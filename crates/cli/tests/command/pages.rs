@@ -23,8 +23,8 @@ value = 0.9
 
 const NOTES: &str = "# Setup\n\nPreset `fast`, **one** seed. <b>Text</b>\n\n- one\n- two\n";
 
-/// Plays a rehearsal's first iteration, and puts another one beside it that has the same performance:
-/// the same command then writes the page of both.
+/// Plays a rehearsal's first iteration, and puts another one beside it that has the same
+/// performance: the same command then writes the page of both.
 fn rehearse(sandbox: &Sandbox) {
     let rehearse = "rehearse c-major-scale --robot twin --runs 1 --seed 3 -o rehearsal";
     sandbox.ok(&format!("{rehearse} --iterations 0"));

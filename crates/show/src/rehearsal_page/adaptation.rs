@@ -106,7 +106,8 @@ fn drawings(adapted: &Adapted) -> [Drawing; 3] {
     ]
 }
 
-/// The best iteration, the mode of the adaptation before any correction, and the adapted performance.
+/// The best iteration, the mode of the adaptation before any correction, and the adapted
+/// performance.
 fn comparison(adapted: &Adapted, best: &Iteration, mode: &str) -> Markup {
     let row = |how: String, notes: &MeanNotes, f1: String| {
         vec![

@@ -1,5 +1,5 @@
-//! The page of a rehearsal: notes right and the gap by iteration, the performances to see and to hear,
-//! what was learned on the robot itself, and the simulator's parameters.
+//! The page of a rehearsal: notes right and the gap by iteration, the performances to see and to
+//! hear, what was learned on the robot itself, and the simulator's parameters.
 
 mod adaptation;
 mod numbers;

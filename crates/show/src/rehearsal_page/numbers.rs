@@ -51,7 +51,8 @@ impl Changed {
 
 /// Every parameter that an iteration has changed.
 pub(super) fn numbers(iterations: &[&Iteration]) -> Markup {
-    let fitted: Vec<&&Iteration> = iterations.iter().filter(|iteration| !iteration.physics.is_empty()).collect();
+    let fitted: Vec<&&Iteration> =
+        iterations.iter().filter(|iteration| !iteration.physics.is_empty()).collect();
     let Some(last) = fitted.last() else { return Markup::default() };
     let mut columns = ["parameter", "unit", "default"].map(String::from).to_vec();
     columns.extend(fitted.iter().map(|iteration| format!("iteration {}", iteration.iteration)));
@@ -105,7 +106,8 @@ fn in_words(iteration: &Iteration) -> String {
             Some(format!("{name}{of}, from {} to {}", number(most.default), most.with_unit(most.value)))
         })
         .collect();
-    let mut text = format!("Iteration {} changes {count} parameters of the default simulator.", iteration.iteration);
+    let mut text =
+        format!("Iteration {} changes {count} parameters of the default simulator.", iteration.iteration);
     if !other.is_empty() {
         text += &format!(" Changed most: {}.", other.join("; "));
     }

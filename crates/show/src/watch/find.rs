@@ -12,8 +12,8 @@ use super::METRICS;
 
 /// Older runs in a folder are left out.
 const RECENT: Duration = Duration::from_secs(24 * 3600);
-/// Folders between one that is named and a run in it: `runs/TASK/rehearsal/iteration-1/training`, and
-/// one more.
+/// Folders between one that is named and a run in it: `runs/TASK/rehearsal/iteration-1/training`,
+/// and one more.
 const DEPTH: usize = 5;
 
 /// The runs in `folders`. One that is a run itself, or an experiment's task with a `training`,
