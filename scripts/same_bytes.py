@@ -2,7 +2,7 @@
 """Checks that two builds of `etude` do the same: `scripts/same_bytes.py BEFORE AFTER [--songs NAME...]`.
 
 Both play every built-in song with its shipped policy, in simulation and in the three execution modes on the twin, and
-train shortly with four presets. Every message of every recording must be the same,
+train shortly with every preset. Every message of every recording must be the same,
 byte for byte, except `/header`; so must every file of a checkpoint. Prints what differs and exits with 1 then.
 """
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 MODES = ["joint-mirroring", "hybrid", "real"]
-TRAININGS = {"fast": 2500, "quick": 2500, "paper": 1500, "appendix-fast": 1500}
+TRAININGS = {"fast": 2500, "expressive": 2500, "paper": 1500, "appendix": 1500, "sight-reader": 2500}
 TRAINED = ["policy-best.safetensors", "policy-last.safetensors", "checkpoints"]
 
 # Records of the MCAP format: one byte of opcode, eight of length, then the content (mcap.dev/spec).

@@ -46,9 +46,8 @@ pub fn twin_params() -> NameOrPath {
 #[derive(clap::Args)]
 pub struct ConfigArgs {
     /// Start from this preset: fast (a song in minutes), expressive (soft and loud as written, in
-    /// more steps), quick (without a fingering), paper (as published), appendix (the paper's
-    /// variant), appendix-fast (that, with a fingering) or sight-reader (for songs that it has not
-    /// seen)
+    /// more steps), paper (as published), appendix (the paper's variant) or sight-reader (for songs
+    /// that it has not seen)
     #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME", value_parser = PossibleValuesParser::new(etude_lab::presets()), hide_possible_values = true)]
     pub preset: String,
     /// Then apply this TOML file

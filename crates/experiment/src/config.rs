@@ -125,24 +125,24 @@ pub struct PerformConfig {
     pub modes: Vec<Mode>,
     /// How often in each.
     pub runs: usize,
-    /// Truths of the twin: names or files. The policy plays on a twin of each.
+    /// Parameter sets of the twin: names or files. The policy plays on a twin of each.
     #[serde(default = "standard")]
-    pub truths: Vec<String>,
+    pub twin_params: Vec<String>,
 }
 
 /// How a rehearsal (Sim2Real2Sim) is done.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RehearseConfig {
-    /// In which modes; each is a separate rehearsal with each truth.
+    /// In which modes; each is a separate rehearsal with each parameter set.
     pub modes: Vec<Mode>,
-    /// Rounds after the first performance.
-    pub rounds: usize,
-    /// Performances a round.
+    /// Iterations after the first performance.
+    pub iterations: usize,
+    /// Performances an iteration.
     pub runs: usize,
-    /// Truths of the twin: names or files.
+    /// Parameter sets of the twin: names or files.
     #[serde(default = "standard")]
-    pub truths: Vec<String>,
+    pub twin_params: Vec<String>,
     /// Evaluations of each fit at most; the method's own number if not given.
     pub evaluations: Option<u64>,
 }
@@ -151,8 +151,8 @@ pub struct RehearseConfig {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FitConfig {
-    /// Truths of the twin.
-    pub truths: Vec<String>,
+    /// Parameter sets of the twin.
+    pub twin_params: Vec<String>,
     /// Methods.
     pub methods: Vec<IdentifyMethod>,
     /// Evaluations of each fit at most; the method's own number if not given.
@@ -211,10 +211,10 @@ pub struct Published {
 
 /// Labels that a grid cannot have.
 const RESERVED: [&str; 10] =
-    ["song", "seed", "variant", "mode", "run", "round", "truth", "method", "player", "pieces"];
+    ["song", "seed", "variant", "mode", "run", "iteration", "twin_params", "method", "player", "pieces"];
 
 /// Whether a setting `path=value` sets the seed, which the plan does.
-pub(crate) fn sets_the_seed(set: &str) -> bool {
+pub(crate) fn sets_seed(set: &str) -> bool {
     set.split('=').next().is_some_and(|path| path.trim() == "trainer.seed")
 }
 
@@ -302,7 +302,7 @@ impl Experiment {
         let learners = self.play.iter().flat_map(|play| &play.learners).flat_map(|learner| &learner.set);
         let sets =
             self.set.iter().chain(self.variants.iter().flat_map(|variant| &variant.set)).chain(learners);
-        if let Some(set) = sets.chain(self.grid.keys()).find(|set| sets_the_seed(set)) {
+        if let Some(set) = sets.chain(self.grid.keys()).find(|set| sets_seed(set)) {
             return Err(format!(
                 "`{set}` would make every training the same: `seeds` says how many there are"
             ));
@@ -340,7 +340,7 @@ fn repeated<'a>(mut names: impl Iterator<Item = &'a String>) -> Option<&'a Strin
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::PlanConfig;
+    use crate::plan::ExperimentConfig;
 
     #[test]
     fn every_experiment_that_comes_with_us_can_be_read() {
@@ -367,7 +367,8 @@ mod tests {
         assert!(said(&format!("{least}[grid]\n'a.mode' = [1]")).contains("`mode` is taken"));
         assert!(said(&format!("{least}[grid]\n'a.x' = [1]\n'b.x' = [1]")).contains("`x` is taken"));
         assert!(said(&format!("{least}[play]\nplayers = []")).contains("play.players"));
-        let both = format!("{least}[play]\nplayers = ['scripted']\n[identify]\ntruths = []\nmethods = []");
+        let both =
+            format!("{least}[play]\nplayers = ['scripted']\n[identify]\ntwin_params = []\nmethods = []");
         assert!(said(&both).contains("one of [play]"));
         let trained = format!("{least}set = ['task.lookahead=3']\n[play]\nplayers = ['scripted']");
         assert!(said(&trained).contains("only [[play.learners]] are trained"));
@@ -375,7 +376,10 @@ mod tests {
         assert!(said(&twice).contains("two players are called `scripted`"));
         let silent = least.replace("songs = ['twinkle']\n", "");
         assert!(
-            Experiment::parse("mine", "mine.toml", &silent).unwrap().plan(&PlanConfig::default()).is_err()
+            Experiment::parse("mine", "mine.toml", &silent)
+                .unwrap()
+                .plan(&ExperimentConfig::default())
+                .is_err()
         );
         assert!(said(&format!("{silent}[play]\nplayers = ['scripted']")).contains("`songs`"));
         assert!(said(&format!("{least}set = ['trainer.seed=3']")).contains("`seeds`"));

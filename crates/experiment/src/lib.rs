@@ -1,30 +1,31 @@
-//! Experiments: files that say what is compared, plans made of them, launchers that do the work, statistics, and reports.
+//! Experiments: files that say what is compared, plans made of them, launchers that do the work,
+//! statistics, and reports.
 
 mod config;
-mod course;
-mod drawings;
+mod curves;
+mod figures;
 mod local;
 mod notes;
 mod outcome;
-mod pieces;
 mod plan;
 mod plan_file;
-mod record;
+mod playing;
 mod report;
+mod results;
+mod run;
 mod slurm;
 mod stats;
 mod tables;
 mod trial;
-mod work;
 
 pub use config::{
     Experiment, FigureConfig, FigureKind, FitConfig, PerformConfig, Published, RehearseConfig, Variant, names,
 };
 pub use local::{BUSY, LOG, LaunchProgress, LaunchReport, LocalConfig, launch_local};
-pub use outcome::{Row, TrialEnd, TrialProgress, TrialResult, TrialState, TrialTimes, Values};
-pub use plan::PlanConfig;
+pub use outcome::{ResultRow, TrialEnd, TrialProgress, TrialResult, TrialState, TrialTimes, Values};
+pub use plan::ExperimentConfig;
 pub use plan_file::{plan_file, plan_text, read_plan, write_plan};
 pub use report::{ReportPage, write_report};
+pub use run::run_trial;
 pub use slurm::{SlurmConfig, open_trials, slurm_script, submit};
-pub use trial::{TrainingConfig, Trial, Work};
-pub use work::run_trial;
+pub use trial::{TrainingConfig, Trial, TrialWork};

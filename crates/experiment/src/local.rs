@@ -1,7 +1,7 @@
-//! The local launcher: one process a worker, so that a trial that crashes does not affect the others.
+//! The local launcher: one process a trial, so that one that crashes does not affect the others.
 //!
-//! A trial's process stops when its standard input ends. So it saves its state and ends also when the launcher is killed, and a
-//! Ctrl-C, which a terminal sends to every process, is one request and not two.
+//! A trial's process stops when its standard input ends. So it saves its state and ends also when the
+//! launcher is killed, and a Ctrl-C, which a terminal sends to every process, is one request.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::OpenOptions;
@@ -17,8 +17,8 @@ use etude_perform::Job;
 use crate::outcome::{RESULT, TrialProgress, file_error};
 use crate::trial::Trial;
 
-/// Longest time between two checks of the workers.
-const LOOK: Duration = Duration::from_millis(100);
+/// Time between two checks of the workers, at most.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Name of the file with the messages of a trial's process.
 pub const LOG: &str = "log.txt";
 /// Exit code of a process that stopped on request.
@@ -74,7 +74,7 @@ struct Worker {
 }
 
 /// A line of a worker's standard output: the id of the trial, and its progress.
-type News = (String, TrialProgress);
+type ProgressLine = (String, TrialProgress);
 
 /// Does all trials of the plan in the file `plan` that are not done yet. Reports what changes.
 ///
@@ -97,7 +97,7 @@ pub fn launch_local(
     let mut progress = LaunchProgress { done: done.len(), total: seen.len(), ..LaunchProgress::default() };
     let mut report = LaunchReport::default();
     let mut workers: Vec<Worker> = Vec::new();
-    let (sender, news): (Sender<News>, Receiver<News>) = channel();
+    let (sender, lines): (Sender<ProgressLine>, Receiver<ProgressLine>) = channel();
     let mut clock = Clock { workers: config.workers, ..Clock::default() };
     job.report(&progress);
     loop {
@@ -115,8 +115,8 @@ pub fn launch_local(
         if workers.is_empty() {
             break;
         }
-        let first = news.recv_timeout(LOOK).ok();
-        for (id, at) in first.into_iter().chain(news.try_iter()) {
+        let first = lines.recv_timeout(POLL_INTERVAL).ok();
+        for (id, at) in first.into_iter().chain(lines.try_iter()) {
             // A process that has ended may still have lines in the channel.
             if workers.iter().any(|worker| worker.id == id) {
                 progress.running.insert(id, at);
@@ -133,16 +133,16 @@ pub fn launch_local(
             match status.code() {
                 Some(0) => {
                     progress.done += 1;
-                    clock.took.push(worker.begun.elapsed().as_secs_f64());
+                    clock.durations.push(worker.begun.elapsed().as_secs_f64());
                 }
                 Some(STOPPED) if stop => {}
                 Some(code) if code == i32::from(BUSY) => report.busy += 1,
                 _ => {
                     progress.failed += 1;
-                    let said = last_line(&runs.join(&worker.id).join(LOG), worker.logged);
+                    let message = last_line(&runs.join(&worker.id).join(LOG), worker.logged);
                     report.failed.push((
                         worker.id,
-                        format!("{status}{}", said.map_or_else(String::new, |said| format!(": {said}"))),
+                        format!("{status}{}", message.map_or_else(String::new, |line| format!(": {line}"))),
                     ));
                 }
             }
@@ -161,7 +161,7 @@ fn start(
     plan: &Path,
     runs: &Path,
     config: &LocalConfig,
-    sender: &Sender<News>,
+    sender: &Sender<ProgressLine>,
 ) -> anyhow::Result<Worker> {
     let folder = runs.join(&trial.id);
     std::fs::create_dir_all(&folder).map_err(|error| file_error(&folder, &error))?;
@@ -184,10 +184,10 @@ fn start(
         .process_group(0)
         .spawn()
         .map_err(|error| file_error(&config.program, &error))?;
-    if let Some(said) = child.stdout.take() {
+    if let Some(output) = child.stdout.take() {
         let (id, sender) = (trial.id.clone(), sender.clone());
         std::thread::spawn(move || {
-            for line in BufReader::new(said).lines().map_while(Result::ok) {
+            for line in BufReader::new(output).lines().map_while(Result::ok) {
                 if let Ok(at) = serde_json::from_str(&line)
                     && sender.send((id.clone(), at)).is_err()
                 {
@@ -206,11 +206,11 @@ fn last_line(path: &Path, from: u64) -> Option<String> {
     text.lines().rev().find(|line| !line.trim().is_empty()).map(str::to_string)
 }
 
-/// How long trials take.
+/// Durations of trials, s.
 #[derive(Default)]
 struct Clock {
     workers: usize,
-    took: Vec<f64>,
+    durations: Vec<f64>,
 }
 
 impl Clock {
@@ -222,11 +222,11 @@ impl Clock {
         running: &BTreeMap<String, TrialProgress>,
     ) -> Option<f64> {
         let share = |worker: &Worker| running.get(&worker.id).map_or(0.0, |at| at.share);
-        let guesses = workers
+        let estimates = workers
             .iter()
             .filter(|worker| share(worker) > 0.02)
             .map(|worker| worker.begun.elapsed().as_secs_f64() / share(worker));
-        let all: Vec<f64> = self.took.iter().copied().chain(guesses).collect();
+        let all: Vec<f64> = self.durations.iter().copied().chain(estimates).collect();
         let mean = (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)?;
         let rest: f64 = workers.iter().map(|worker| 1.0 - share(worker)).sum();
         Some(mean * (waiting as f64 + rest) / self.workers.max(1) as f64)

@@ -20,16 +20,16 @@ pub(crate) const LOCK: &str = "task.lock";
 /// Measures by name: scores between 0 and 1, errors in rad.
 pub type Values = BTreeMap<String, f64>;
 
-/// One row of results: labels and measures. In a trial's file the labels are those that the trial has not: `mode`, `run`, `round`.
+/// One row of results: labels and measures. In a trial's file the labels are those that the trial has not: `mode`, `run`, `iteration`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct ResultRow {
     /// Its labels.
     pub labels: BTreeMap<String, String>,
     /// Its measures.
     pub values: Values,
 }
 
-impl Row {
+impl ResultRow {
     /// Whether it has all these labels.
     pub fn has(&self, filter: &BTreeMap<String, String>) -> bool {
         filter.iter().all(|(key, value)| self.labels.get(key) == Some(value))
@@ -42,9 +42,9 @@ pub struct TrialResult {
     /// Which trial.
     pub id: String,
     /// Its measures.
-    pub rows: Vec<Row>,
+    pub rows: Vec<ResultRow>,
     /// Its course: `step` and scores of each evaluation, or `replays` and `rms` of a fit.
-    pub course: Vec<Values>,
+    pub curve: Vec<Values>,
 }
 
 /// When, where and how long.
@@ -53,7 +53,7 @@ pub struct TrialTimes {
     /// Seconds of learning or fitting, over all interruptions; of a rehearsal those since its last start.
     pub secs: f64,
     /// Seconds of learning until each point of the course.
-    pub course_secs: Vec<f64>,
+    pub curve_secs: Vec<f64>,
     /// Version of Étude.
     pub etude: String,
     /// Version of MuJoCo.

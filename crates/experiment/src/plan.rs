@@ -8,12 +8,12 @@ use etude_music::Song;
 use etude_perform::{Mode, shell_word};
 use etude_twin::TwinParams;
 
-use crate::config::{Experiment, FitConfig, PerformConfig, RehearseConfig, Variant, sets_the_seed};
-use crate::trial::{TrainingConfig, Trial, Work, fingerprint, id, json};
+use crate::config::{Experiment, FitConfig, PerformConfig, RehearseConfig, Variant, sets_seed};
+use crate::trial::{TrainingConfig, Trial, TrialWork, fingerprint, id, json};
 
 /// Changes to an experiment from outside its file.
 #[derive(Clone, Debug, Default)]
-pub struct PlanConfig {
+pub struct ExperimentConfig {
     /// Number of seeds, instead of the file's.
     pub seeds: Option<u64>,
     /// Everything once and as short as possible, as a test.
@@ -22,7 +22,7 @@ pub struct PlanConfig {
     pub set: Vec<String>,
 }
 
-/// Overrides of a smoke test: two rounds of evaluation and a few updates between them.
+/// Overrides of a smoke test: two evaluations and a few updates between them.
 const SMOKE: [&str; 4] = [
     "trainer.total_steps=480",
     "trainer.evaluate_every_steps=240",
@@ -35,10 +35,10 @@ const SMOKE_EVALUATIONS: u64 = 2;
 /// Stands for the song in the id of a corpus' training.
 const CORPUS: &str = "corpus";
 
-/// How policies play on a twin; a trial that was done otherwise has another id.
-const PLAYED: &str = "with the lead that one run before has measured, F1 of the keys when they are heard";
+/// How policies play on a twin. It is part of the ids.
+const PLAYED: &str = "latency compensation measured in one run before, F1 of the keys when they sound";
 
-impl PlanConfig {
+impl ExperimentConfig {
     /// The flags that give it on the command line, as they are typed.
     pub fn flags(&self) -> String {
         let seeds = self.seeds.map(|seeds| format!(" --seeds {seeds}"));
@@ -62,9 +62,9 @@ impl Experiment {
     /// Its trials, in order. The seed changes slowest, so that early results cover every variant.
     ///
     /// # Errors
-    /// If a song, setting or truth is not sound.
-    pub fn plan(&self, config: &PlanConfig) -> anyhow::Result<Vec<Trial>> {
-        if let Some(set) = config.set.iter().find(|set| sets_the_seed(set)) {
+    /// If a song, setting or parameter set is not sound.
+    pub fn plan(&self, config: &ExperimentConfig) -> anyhow::Result<Vec<Trial>> {
+        if let Some(set) = config.set.iter().find(|set| sets_seed(set)) {
             bail!("`--set {set}` would make every training the same: --seeds says how many there are");
         }
         let smoke = config.smoke;
@@ -92,11 +92,12 @@ impl Experiment {
     fn fits(&self, fit: &FitConfig, seed: u64, smoke: bool) -> anyhow::Result<Vec<Trial>> {
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { fit.evaluations };
         let mut trials = Vec::new();
-        for name in all_or_first(&fit.truths, smoke) {
-            let content = self.fingerprint_of_truth(name)?;
+        for name in all_or_first(&fit.twin_params, smoke) {
+            let content = self.fingerprint_of_twin(name)?;
             for method in &fit.methods {
-                let work = Work::Identify { truth: name.clone(), method: *method, evaluations, seed };
-                let labels = [("truth", name.clone()), ("method", method.name().to_string())];
+                let work =
+                    TrialWork::Identify { twin_params: name.clone(), method: *method, evaluations, seed };
+                let labels = [("twin_params", name.clone()), ("method", method.name().to_string())];
                 let labels = labels.into_iter().chain([("seed", seed.to_string())]);
                 trials.push(Trial {
                     id: id("identify", name, seed, &(content.clone() + &json(&work))),
@@ -109,7 +110,12 @@ impl Experiment {
     }
 
     /// The trainings of a song, or of the preset's corpus.
-    fn trainings(&self, song: Option<&str>, seed: u64, config: &PlanConfig) -> anyhow::Result<Vec<Trial>> {
+    fn trainings(
+        &self,
+        song: Option<&str>,
+        seed: u64,
+        config: &ExperimentConfig,
+    ) -> anyhow::Result<Vec<Trial>> {
         let smoke = config.smoke;
         let notes = song.map(find_song).transpose()?.map_or_else(String::new, |song| notes_of(&song));
         let mut trials = Vec::new();
@@ -161,17 +167,16 @@ impl Experiment {
                 match &self.rehearse {
                     Some(rehearse) => {
                         // Fits are what a smoke test would spend its time on.
-                        for truth in all_or_first(&rehearse.truths, smoke) {
-                            let what = format!("{what}{}", self.fingerprint_of_truth(truth)?);
-                            trials
-                                .extend(rehearsals(rehearse, truth, &training, &labels, smoke, seed, &what));
+                        for name in all_or_first(&rehearse.twin_params, smoke) {
+                            let what = format!("{what}{}", self.fingerprint_of_twin(name)?);
+                            trials.extend(rehearsals(rehearse, name, &training, &labels, smoke, seed, &what));
                         }
                     }
                     None => {
                         let (perform, on_twin) = self.performance(variant.modes.as_deref(), smoke)?;
                         let name = training.song.as_deref().unwrap_or(CORPUS);
                         let id = id("train", name, seed, &format!("{what}{on_twin}"));
-                        trials.push(Trial { id, labels, work: Work::Train { training, perform } });
+                        trials.push(Trial { id, labels, work: TrialWork::Train { training, perform } });
                     }
                 }
             }
@@ -194,8 +199,8 @@ impl Experiment {
         if perform.is_some() {
             text += PLAYED;
         }
-        for truth in perform.iter().flat_map(|perform| &perform.truths) {
-            text += &self.fingerprint_of_truth(truth)?;
+        for name in perform.iter().flat_map(|perform| &perform.twin_params) {
+            text += &self.fingerprint_of_twin(name)?;
         }
         Ok((perform, text))
     }
@@ -222,16 +227,16 @@ impl Experiment {
         points
     }
 
-    /// Differs for truths of different content, whether they come with Étude or from a file.
-    fn fingerprint_of_truth(&self, truth: &str) -> anyhow::Result<String> {
-        let truth = TwinParams::load(truth).map_err(|error| anyhow!("experiment {}: {error}", self.name))?;
-        Ok(format!("{:08x}", truth.fingerprint()))
+    /// Differs for twin parameters of different content, whether they come with Étude or from a file.
+    fn fingerprint_of_twin(&self, name: &str) -> anyhow::Result<String> {
+        let params = TwinParams::load(name).map_err(|error| anyhow!("experiment {}: {error}", self.name))?;
+        Ok(format!("{:08x}", params.fingerprint()))
     }
 }
 
 fn rehearsals(
     rehearse: &RehearseConfig,
-    truth_name: &str,
+    twin_params: &str,
     training: &TrainingConfig,
     labels: &BTreeMap<String, String>,
     smoke: bool,
@@ -239,20 +244,20 @@ fn rehearsals(
     what: &str,
 ) -> Vec<Trial> {
     let trial = |mode: &Mode| {
-        let (rounds, runs) = if smoke { (1, 1) } else { (rehearse.rounds, rehearse.runs) };
+        let (iterations, runs) = if smoke { (1, 1) } else { (rehearse.iterations, rehearse.runs) };
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
-        // A later round continues from the best one.
-        let from = if rounds > 1 { " from the best round" } else { "" };
-        let all = format!("{what}{mode}{rounds} {runs} {truth_name} {evaluations:?}{from}{PLAYED}");
+        // A later iteration continues from the best one.
+        let from = if iterations > 1 { " from the best iteration" } else { "" };
+        let all = format!("{what}{mode}{iterations} {runs} {twin_params} {evaluations:?}{from}{PLAYED}");
         let mut labels = labels.clone();
         labels.insert("mode".to_string(), mode.name().to_string());
-        labels.insert("truth".to_string(), truth_name.to_string());
-        let work = Work::Rehearse {
+        labels.insert("twin_params".to_string(), twin_params.to_string());
+        let work = TrialWork::Rehearse {
             training: training.clone(),
             mode: *mode,
-            rounds,
+            iterations,
             runs,
-            truth: truth_name.to_string(),
+            twin_params: twin_params.to_string(),
             evaluations,
         };
         Trial { id: id("rehearse", &labels["song"], seed, &all), labels, work }
@@ -271,158 +276,4 @@ pub(crate) fn all_or_first<T>(all: &[T], smoke: bool) -> &[T] {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-
-    use super::*;
-
-    pub(crate) fn plan(text: &str, config: &PlanConfig) -> Vec<Trial> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("mine.toml");
-        std::fs::write(&path, text).unwrap();
-        Experiment::load(path.to_str().unwrap()).unwrap().plan(config).unwrap()
-    }
-
-    pub(crate) const MINE: &str = r#"
-title = "T"
-source = "S"
-songs = ["twinkle", "c-major-scale"]
-seeds = 2
-[[variants]]
-name = "fences"
-[[variants]]
-name = "none"
-set = ["task.stage.fences=false"]
-[grid]
-"task.randomisation.intensity" = [0.0, 0.5, 1.0]
-[perform]
-modes = ["real"]
-runs = 3
-"#;
-
-    #[test]
-    fn a_plan_is_the_product_of_songs_variants_grid_and_seeds() {
-        let trials = plan(MINE, &PlanConfig::default());
-        assert_eq!(trials.len(), 2 * 2 * 3 * 2);
-        let ids: BTreeSet<&str> = trials.iter().map(|trial| trial.id.as_str()).collect();
-        assert_eq!(ids.len(), trials.len());
-        let labels = &trials[1].labels;
-        assert_eq!(labels["song"], "twinkle");
-        assert_eq!(labels["variant"], "fences");
-        assert_eq!(labels["intensity"], "0.5");
-        assert_eq!(plan(MINE, &PlanConfig { seeds: Some(1), ..PlanConfig::default() }).len(), 12);
-    }
-
-    #[test]
-    fn a_corpus_is_learned_once_a_seed() {
-        let mine = "title = 'T'\nsource = 'S'\npreset = 'sight-reader'\nseeds = 2\n";
-        let trials = plan(mine, &PlanConfig::default());
-        assert_eq!(trials.len(), 2);
-        for (seed, trial) in trials.iter().enumerate() {
-            let Work::Train { training, perform: None } = &trial.work else { panic!("{trial:?}") };
-            assert_eq!(training.song, None);
-            assert_eq!(training.resolve().unwrap().trainer.seed, seed as u64);
-            assert!(trial.id.starts_with(&format!("train__corpus__{seed}__")), "{}", trial.id);
-        }
-        let refused = |text: String| {
-            let folder = tempfile::tempdir().unwrap();
-            let path = folder.path().join("mine.toml");
-            std::fs::write(&path, text).unwrap();
-            let experiment = Experiment::load(path.to_str().unwrap()).unwrap();
-            experiment.plan(&PlanConfig::default()).unwrap_err().to_string()
-        };
-        // With songs the preset trains on each of them.
-        let songs = plan(&format!("{mine}songs = ['twinkle', 'ode-to-joy']\n"), &PlanConfig::default());
-        assert_eq!(songs.len(), 4);
-        assert!(refused(format!("{mine}[perform]\nmodes = ['real']\nruns = 1\n")).contains("`players`"));
-        assert!(refused(mine.replace("sight-reader", "fast")).contains("name at least one song"));
-    }
-
-    #[test]
-    fn another_corpus_is_another_trial() {
-        let folder = tempfile::tempdir().unwrap();
-        let set = format!("set = ['corpus.folder={}']", folder.path().display());
-        let mine = format!("title = 'T'\nsource = 'S'\npreset = 'sight-reader'\nseeds = 1\n{set}\n");
-        let id = |seed: u64| {
-            etude_music::melody(seed).save(folder.path().join("one.mid")).unwrap();
-            plan(&mine, &PlanConfig::default())[0].id.clone()
-        };
-        let [first, second, again] = [1, 2, 1].map(id);
-        assert!(first != second && first == again);
-        let rehearse = "songs = ['twinkle']\n[rehearse]\nmodes = ['real']\nrounds = 1\nruns = 1\n";
-        let id = |seed: u64| {
-            etude_music::melody(seed).save(folder.path().join("one.mid")).unwrap();
-            plan(&format!("{mine}{rehearse}"), &PlanConfig::default())[0].id.clone()
-        };
-        assert_ne!(id(1), id(2));
-    }
-
-    #[test]
-    fn ids_are_those_of_the_work_whoever_asks_for_it() {
-        let trials = plan(MINE, &PlanConfig::default());
-        assert_eq!(plan(MINE, &PlanConfig::default()), trials);
-        // Said in other words, it is the same work.
-        let other = MINE
-            .replace("name = \"none\"", "name = \"without\"")
-            .replace("seeds = 2", "seeds = 2\nset = [\"task.stage.fences=true\"]");
-        let others = plan(&other, &PlanConfig::default());
-        let ids = |trials: &[Trial]| trials.iter().map(|trial| trial.id.clone()).collect::<Vec<_>>();
-        assert_eq!(ids(&others), ids(&trials));
-        let threads = PlanConfig { set: vec!["trainer.threads=1".to_string()], ..PlanConfig::default() };
-        assert_eq!(ids(&plan(MINE, &threads)), ids(&trials));
-        let steps = PlanConfig { set: vec!["trainer.total_steps=1000".to_string()], ..PlanConfig::default() };
-        assert!(ids(&plan(MINE, &steps)).iter().all(|id| !ids(&trials).contains(id)));
-    }
-
-    #[test]
-    fn a_smoke_test_does_everything_once() {
-        let trials = plan(MINE, &PlanConfig { smoke: true, ..PlanConfig::default() });
-        assert_eq!(trials.len(), 2 * 2);
-        let Work::Train { training, perform } = &trials[0].work else { panic!("{trials:?}") };
-        assert_eq!(training.resolve().unwrap().trainer.total_steps, 480);
-        assert_eq!(perform.as_ref().unwrap().runs, 1);
-    }
-
-    #[test]
-    fn another_truth_under_the_same_name_is_another_trial() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("standard.toml");
-        let text = include_str!("../../../configs/twin-params/standard.toml");
-        let experiment = Experiment::load("identification").unwrap();
-        let fingerprint_of = |text: &str| {
-            std::fs::write(&file, text).unwrap();
-            experiment.fingerprint_of_truth(file.to_str().unwrap()).unwrap()
-        };
-        let built_in = experiment.fingerprint_of_truth("standard").unwrap();
-        assert_eq!(fingerprint_of(text), built_in, "the content counts, not where it is stored");
-        let edited = format!("{text}\n[[faults]]\nkind = \"arm-silent\"\nat_secs = 30.0\n");
-        assert_ne!(fingerprint_of(&edited), built_in);
-    }
-
-    #[test]
-    fn truths_are_part_of_the_work_and_each_has_its_rehearsal() {
-        let config = PlanConfig::default();
-        let ids = |trials: &[Trial]| trials.iter().map(|trial| trial.id.clone()).collect::<BTreeSet<_>>();
-        let [one, both] =
-            ["", "truths = ['standard', 'worn']"].map(|line| plan(&format!("{MINE}{line}\n"), &config));
-        assert_eq!(one.len(), both.len(), "a policy is trained once and plays on each");
-        assert!(ids(&one).is_disjoint(&ids(&both)));
-        let rehearse = MINE.replace("[perform]", "[rehearse]\nrounds = 1\ntruths = ['standard', 'worn']");
-        let rehearsals = plan(&rehearse, &config);
-        assert_eq!(rehearsals.len(), 2 * one.len());
-        assert_eq!(ids(&rehearsals).len(), rehearsals.len());
-        for trial in &rehearsals {
-            let Work::Rehearse { truth, .. } = &trial.work else { panic!("{trial:?}") };
-            assert_eq!(&trial.labels["truth"], truth);
-        }
-    }
-
-    #[test]
-    fn every_experiment_that_comes_with_us_can_be_planned() {
-        for name in crate::config::names() {
-            for smoke in [false, true] {
-                let config = PlanConfig { smoke, ..PlanConfig::default() };
-                assert!(!Experiment::load(name).unwrap().plan(&config).unwrap().is_empty(), "{name}");
-            }
-        }
-    }
-}
+pub(crate) mod tests;

@@ -9,13 +9,13 @@ use etude_perform::write_file;
 
 use crate::trial::{Trial, json, slug};
 
-/// Longest name of a plan, characters: a plan of all experiments would have a long one.
-const LONGEST_NAME: usize = 64;
+/// Characters of a plan's name at most: a plan of all experiments would have a long one.
+const MAX_NAME_LEN: usize = 64;
 
-/// Where a plan lies: its name ends with a fingerprint, so that another plan of the experiment never takes the place of one whose
-/// lines are being worked on.
+/// Where a plan lies. Its name ends with a fingerprint: another plan of the experiment never replaces
+/// one whose lines are being worked on.
 pub fn plan_file(runs: &Path, name: &str, trials: &[Trial]) -> PathBuf {
-    let name: String = slug(name).chars().take(LONGEST_NAME).collect();
+    let name: String = slug(name).chars().take(MAX_NAME_LEN).collect();
     runs.join(format!("{name}-{:08x}.plan.jsonl", fnv(plan_text(trials).as_bytes()) as u32))
 }
 
@@ -57,12 +57,12 @@ pub fn read_plan(path: &Path) -> anyhow::Result<Vec<Trial>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::PlanConfig;
+    use crate::plan::ExperimentConfig;
     use crate::plan::tests::{MINE, plan};
 
     #[test]
     fn another_plan_has_another_file() {
-        let trials = plan(MINE, &PlanConfig::default());
+        let trials = plan(MINE, &ExperimentConfig::default());
         let file = |trials: &[Trial]| plan_file(Path::new("runs"), "my plan", trials);
         assert_eq!(file(&trials), file(&trials));
         assert_ne!(file(&trials), file(&trials[1..]));
@@ -73,7 +73,7 @@ mod tests {
     fn a_plan_comes_back_from_its_file_and_a_damaged_one_says_where() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plan.jsonl");
-        let trials = plan(MINE, &PlanConfig::default());
+        let trials = plan(MINE, &ExperimentConfig::default());
         write_plan(&path, &trials).unwrap();
         assert_eq!(read_plan(&path).unwrap(), trials);
         let text = std::fs::read_to_string(&path).unwrap();

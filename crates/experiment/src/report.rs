@@ -3,8 +3,8 @@
 //! ```text
 //! OUT/index.html              the page; it needs nothing else
 //! OUT/NAME/results.jsonl      the result of each trial; the report can be made again from this file alone
-//! OUT/NAME/results.csv        one row a performance, round or fit
-//! OUT/NAME/course.csv         one row an evaluation on the way
+//! OUT/NAME/results.csv        one row a performance, iteration or fit
+//! OUT/NAME/curves.csv         one row an evaluation
 //! OUT/NAME/FIGURE.svg         the figures
 //! OUT/NAME/notes.md           our notes in Markdown, written by hand; they become part of the page
 //! ```
@@ -19,11 +19,11 @@ use etude_show::html::page;
 use maud::{Markup, PreEscaped, html};
 
 use crate::config::{Experiment, FigureConfig, FigureKind};
-use crate::drawings::{caption, drawing};
+use crate::figures::{caption, drawing};
 use crate::notes::rendered;
-use crate::plan::PlanConfig;
-use crate::record::{Entry, courses, csv, records};
-use crate::tables::{against_the_paper, cut_short, differences, provenance, scores, times};
+use crate::plan::ExperimentConfig;
+use crate::results::{DoneTrial, curves, records, to_csv};
+use crate::tables::{against_the_paper, differences, interrupted, provenance, scores, times};
 use crate::trial::Trial;
 
 /// Name of the page.
@@ -36,18 +36,18 @@ const NOTES: &str = "notes.md";
 pub struct ReportPage {
     /// The page.
     pub file: PathBuf,
-    /// What is not done, a line an experiment.
+    /// What is not done: a line an experiment.
     pub missing: Vec<String>,
 }
 
-/// Writes the report of experiments, planned by `config`, into `out`, from what is done among `runs`, and from what an earlier report in
-/// `out` has kept.
+/// Writes the report of experiments, planned by `config`, into `out`, from what is done among `runs`
+/// and from what a report in `out` has already.
 ///
 /// # Errors
 /// If nothing is done, or a file cannot be read or written.
 pub fn write_report(
     plans: &[(Experiment, Vec<Trial>)],
-    config: &PlanConfig,
+    config: &ExperimentConfig,
     runs: &Path,
     out: &Path,
 ) -> anyhow::Result<ReportPage> {
@@ -92,25 +92,26 @@ pub fn write_report(
     Ok(ReportPage { file, missing })
 }
 
-/// What is done of a plan, in its order; and what an earlier report has kept of other plans.
-fn gather(trials: &[Trial], runs: &Path, kept: &Path) -> anyhow::Result<(Vec<Entry>, Vec<Entry>)> {
-    let mut before: BTreeMap<String, Entry> = BTreeMap::new();
-    let text = match std::fs::read_to_string(kept) {
+/// What is done of a plan, in its order; and what the report has of other plans.
+fn gather(trials: &[Trial], runs: &Path, stored: &Path) -> anyhow::Result<(Vec<DoneTrial>, Vec<DoneTrial>)> {
+    let mut before: BTreeMap<String, DoneTrial> = BTreeMap::new();
+    let text = match std::fs::read_to_string(stored) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
         text => {
-            text.with_context(|| format!("cannot read {}; choose another folder with -o", kept.display()))?
+            text.with_context(|| format!("cannot read {}; choose another folder with -o", stored.display()))?
         }
     };
     for (index, line) in text.lines().enumerate() {
-        let entry: Entry = serde_json::from_str(line).with_context(|| {
+        let entry: DoneTrial = serde_json::from_str(line).with_context(|| {
             let line = index + 1;
-            format!("line {line} of {} is damaged; choose another folder with -o", kept.display())
+            format!("line {line} of {} is damaged; choose another folder with -o", stored.display())
         })?;
         before.insert(entry.trial.id.clone(), entry);
     }
     let of_trial = |trial: &Trial| {
-        let kept = || before.get(&trial.id).map(|entry| Entry { trial: trial.clone(), ..entry.clone() });
-        Entry::load(trial, runs).or_else(kept)
+        let reported =
+            || before.get(&trial.id).map(|entry| DoneTrial { trial: trial.clone(), ..entry.clone() });
+        DoneTrial::load(trial, runs).or_else(reported)
     };
     let found = trials.iter().filter_map(of_trial).collect();
     trials.iter().for_each(|trial| drop(before.remove(&trial.id)));
@@ -120,19 +121,19 @@ fn gather(trials: &[Trial], runs: &Path, kept: &Path) -> anyhow::Result<(Vec<Ent
 /// The section of an experiment. Writes its files beside the page.
 fn section(
     experiment: &Experiment,
-    (config, planned): (&PlanConfig, usize),
-    entries: &[Entry],
+    (config, planned): (&ExperimentConfig, usize),
+    entries: &[DoneTrial],
     folder: &Path,
 ) -> anyhow::Result<Markup> {
-    let (all, course) = (records(entries), courses(entries));
-    write_file(&folder.join("results.csv"), &csv(&all))?;
-    if !course.is_empty() {
-        write_file(&folder.join("course.csv"), &csv(&course))?;
+    let (all, points) = (records(entries), curves(entries));
+    write_file(&folder.join("results.csv"), &to_csv(&all)?)?;
+    if !points.is_empty() {
+        write_file(&folder.join("curves.csv"), &to_csv(&points)?)?;
     }
     let notes = std::fs::read_to_string(folder.join(NOTES)).unwrap_or_default();
     let figure = |figure: &FigureConfig| {
         let drawing =
-            drawing(experiment, figure, if figure.kind == FigureKind::Curves { &course } else { &all });
+            drawing(experiment, figure, if figure.kind == FigureKind::Curves { &points } else { &all });
         if drawing.series.iter().all(|series| series.points.is_empty()) {
             return Ok(html! { p { (figure.title) ": nothing done has these labels and measures." } });
         }
@@ -151,7 +152,7 @@ fn section(
             (scores(experiment, &all))
             (differences(experiment, &all))
             (times(experiment, entries))
-            (cut_short(&all))
+            (interrupted(&all))
             (provenance(experiment, (config, planned), entries))
         }
     })

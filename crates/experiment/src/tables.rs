@@ -8,16 +8,16 @@ use etude_show::html::table;
 use maud::{Markup, html};
 
 use crate::config::{Experiment, FigureKind};
-use crate::drawings::measure_name;
-use crate::outcome::Row;
-use crate::plan::PlanConfig;
-use crate::record::{Entry, combinations, compared, paired, summary, time_to};
+use crate::figures::measure_name;
+use crate::outcome::ResultRow;
+use crate::plan::ExperimentConfig;
+use crate::results::{DoneTrial, combinations, compared, paired, summary, time_to};
 use crate::stats::{Interval, Summary};
 
 /// F1 whose times are reported.
-const MARKS: [f64; 3] = [0.80, 0.90, 0.946];
+const F1_LEVELS: [f64; 3] = [0.80, 0.90, 0.946];
 
-fn told(interval: &Interval) -> String {
+fn formatted(interval: &Interval) -> String {
     // Errors of joints are thousandths of a radian.
     let digits = if interval.value != 0.0 && interval.value.abs() < 0.02 { 5 } else { 3 };
     match interval.interval {
@@ -26,7 +26,7 @@ fn told(interval: &Interval) -> String {
     }
 }
 
-fn words(labels: &BTreeMap<String, String>) -> String {
+fn label_text(labels: &BTreeMap<String, String>) -> String {
     // In a narrow table a line ends between two labels.
     let word = |(key, value): (&String, &String)| format!("{key} {value}").replace(' ', "\u{a0}");
     let words: Vec<String> = labels.iter().map(word).collect();
@@ -38,15 +38,15 @@ fn strings(texts: &[&str]) -> Vec<String> {
 }
 
 /// The paper's numbers and ours.
-pub(crate) fn against_the_paper(experiment: &Experiment, all: &[Row]) -> Markup {
+pub(crate) fn against_the_paper(experiment: &Experiment, all: &[ResultRow]) -> Markup {
     let rows = experiment.paper.iter().map(|published| {
         let found = summary(all, &published.filter, &published.measure);
         let [ours, difference] = match found {
-            Some(found) => [told(&found.mean), format!("{:+.3}", found.mean.value - published.value)],
+            Some(found) => [formatted(&found.mean), format!("{:+.3}", found.mean.value - published.value)],
             None => ["–", "–"].map(str::to_string),
         };
-        let measure = measure_name(&published.measure, false);
-        vec![words(&published.filter), measure, format!("{:.3}", published.value), ours, difference]
+        let measure = measure_name(&published.measure);
+        vec![label_text(&published.filter), measure, format!("{:.3}", published.value), ours, difference]
     });
     table("The paper’s numbers and ours", &["what", "measure", "paper", "Étude", "difference"], rows)
 }
@@ -62,22 +62,22 @@ fn measures(experiment: &Experiment) -> Vec<String> {
 }
 
 /// Means and interquartile means of what is compared, pooled and by song.
-pub(crate) fn scores(experiment: &Experiment, all: &[Row]) -> Markup {
+pub(crate) fn scores(experiment: &Experiment, all: &[ResultRow]) -> Markup {
     let measures = measures(experiment);
     let counted = if experiment.play.is_some() { "pieces × seeds" } else { "trainings" };
     let mut columns = strings(&["what", counted]);
     for measure in &measures {
-        let name = measure_name(measure, false);
+        let name = measure_name(measure);
         columns.extend([format!("{name}: mean"), format!("{name}: IQM")]);
     }
     let line = |labels: &BTreeMap<String, String>| {
         let found: Vec<Option<Summary>> =
             measures.iter().map(|measure| summary(all, labels, measure)).collect();
         let count = found.iter().flatten().map(|found| found.count).max().unwrap_or(0);
-        let mut row = vec![words(labels), count.to_string()];
+        let mut row = vec![label_text(labels), count.to_string()];
         for found in found {
             row.extend(match found {
-                Some(found) => [told(&found.mean), told(&found.interquartile_mean)],
+                Some(found) => [formatted(&found.mean), formatted(&found.interquartile_mean)],
                 None => ["–".to_string(), "–".to_string()],
             });
         }
@@ -93,7 +93,7 @@ pub(crate) fn scores(experiment: &Experiment, all: &[Row]) -> Markup {
 }
 
 /// What is compared, against the same with the first value of one of its labels, training by training.
-pub(crate) fn differences(experiment: &Experiment, all: &[Row]) -> Markup {
+pub(crate) fn differences(experiment: &Experiment, all: &[ResultRow]) -> Markup {
     let keys = compared(all);
     let pooled = combinations(all, &keys);
     let measures = measures(experiment);
@@ -115,23 +115,23 @@ pub(crate) fn differences(experiment: &Experiment, all: &[Row]) -> Markup {
             }
             let cells = found
                 .iter()
-                .map(|found| found.as_ref().map_or_else(|| "–".to_string(), |found| told(&found.mean)));
-            rows.push([words(labels), words(&base)].into_iter().chain(cells).collect::<Vec<_>>());
+                .map(|found| found.as_ref().map_or_else(|| "–".to_string(), |found| formatted(&found.mean)));
+            rows.push([label_text(labels), label_text(&base)].into_iter().chain(cells).collect::<Vec<_>>());
         }
     }
     let mut columns = strings(&["what", "against"]);
-    columns.extend(measures.iter().map(|measure| measure_name(measure, false)));
+    columns.extend(measures.iter().map(|measure| measure_name(measure)));
     table("How much more: mean of paired differences (same song, same seed)", &columns, rows)
 }
 
 /// When the trainings reached an F1.
-pub(crate) fn times(experiment: &Experiment, entries: &[Entry]) -> Markup {
-    // Players that are ready have no course.
-    let learned = |entry: &&Entry| entry.result.course.iter().any(|point| point.contains_key("f1"));
-    let trials: Vec<Row> = entries
+pub(crate) fn times(experiment: &Experiment, entries: &[DoneTrial]) -> Markup {
+    // Players that are ready have no curve.
+    let learned = |entry: &&DoneTrial| entry.result.curve.iter().any(|point| point.contains_key("f1"));
+    let trials: Vec<ResultRow> = entries
         .iter()
         .filter(learned)
-        .map(|entry| Row { labels: entry.trial.labels.clone(), values: BTreeMap::new() })
+        .map(|entry| ResultRow { labels: entry.trial.labels.clone(), values: BTreeMap::new() })
         .collect();
     if trials.is_empty() {
         return html! {};
@@ -141,9 +141,9 @@ pub(crate) fn times(experiment: &Experiment, entries: &[Entry]) -> Markup {
         (!values.is_empty()).then(|| quantile(&values, 0.5))
     };
     let rows = combinations(&trials, &compared(&trials)).into_iter().map(|labels| {
-        let mut row = vec![words(&labels)];
-        for mark in MARKS {
-            let (reached, of) = time_to(entries, &labels, "f1", mark);
+        let mut row = vec![label_text(&labels)];
+        for level in F1_LEVELS {
+            let (reached, of) = time_to(entries, &labels, "f1", level);
             let steps = median(reached.iter().map(|(step, _)| *step).collect());
             let secs = median(reached.iter().map(|(_, secs)| *secs).collect());
             row.push(match (steps, secs) {
@@ -157,7 +157,7 @@ pub(crate) fn times(experiment: &Experiment, entries: &[Entry]) -> Markup {
         row
     });
     let mut columns = strings(&["what"]);
-    columns.extend(MARKS.map(|mark| format!("F1 {mark}")));
+    columns.extend(F1_LEVELS.map(|level| format!("F1 {level}")));
     let caption =
         "Trainings that reached an F1 in simulation, and the median step and second at which they did";
     // Learners have presets of their own.
@@ -167,7 +167,7 @@ pub(crate) fn times(experiment: &Experiment, entries: &[Entry]) -> Markup {
 }
 
 /// Says how many performances a fault has ended, if any: their scores are low for another reason.
-pub(crate) fn cut_short(all: &[Row]) -> Markup {
+pub(crate) fn interrupted(all: &[ResultRow]) -> Markup {
     let ends: Vec<f64> = all.iter().filter_map(|record| record.values.get("complete")).copied().collect();
     let short = ends.iter().filter(|complete| **complete < 1.0).count();
     html! {
@@ -183,10 +183,10 @@ pub(crate) fn cut_short(all: &[Row]) -> Markup {
 /// What it was made of.
 pub(crate) fn provenance(
     experiment: &Experiment,
-    (config, planned): (&PlanConfig, usize),
-    entries: &[Entry],
+    (config, planned): (&ExperimentConfig, usize),
+    entries: &[DoneTrial],
 ) -> Markup {
-    let distinct = |of: &dyn Fn(&Entry) -> String| {
+    let distinct = |of: &dyn Fn(&DoneTrial) -> String| {
         let all: BTreeSet<String> = entries.iter().map(of).collect();
         all.into_iter().collect::<Vec<_>>().join(", ")
     };
@@ -195,7 +195,7 @@ pub(crate) fn provenance(
         entries.iter().map(|entry| (entry.trial.id.as_str(), entry.times.secs)).collect();
     let hours = secs.values().sum::<f64>() / 3600.0;
     let rows = entries.iter().map(|entry| {
-        vec![entry.trial.id.clone(), words(&entry.trial.labels), format!("{:.0}", entry.times.secs)]
+        vec![entry.trial.id.clone(), label_text(&entry.trial.labels), format!("{:.0}", entry.times.secs)]
     });
     html! {
         p {
@@ -218,7 +218,10 @@ mod tests {
 
     #[test]
     fn small_numbers_keep_their_digits() {
-        assert_eq!(told(&Interval { value: 0.001_674, interval: None }), "0.00167");
-        assert_eq!(told(&Interval { value: 0.95, interval: Some([0.9, 1.0]) }), "0.950 [0.900,\u{a0}1.000]");
+        assert_eq!(formatted(&Interval { value: 0.001_674, interval: None }), "0.00167");
+        assert_eq!(
+            formatted(&Interval { value: 0.95, interval: Some([0.9, 1.0]) }),
+            "0.950 [0.900,\u{a0}1.000]"
+        );
     }
 }

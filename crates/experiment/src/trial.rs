@@ -1,7 +1,7 @@
 //! A trial: one unit of an experiment's work, with an id that depends on what is done and not on the experiment.
 //!
 //! Two experiments that need the same training share its trial. A plan that is made again has the same ids, as long as its songs,
-//! resolved configurations and truths are the same.
+//! resolved configurations and twin parameters are the same.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,17 +21,17 @@ use crate::config::PerformConfig;
 pub struct Trial {
     /// Name of its folder below `runs`; the same work has the same id.
     pub id: String,
-    /// Its place in the experiment: `song`, `variant`, `seed`, the keys of the grid, `mode`, `truth`, `method`, `player`, `pieces`.
+    /// Its place in the experiment: `song`, `variant`, `seed`, the keys of the grid, `mode`, `twin_params`, `method`, `player`, `pieces`.
     pub labels: BTreeMap<String, String>,
     /// The work.
-    pub work: Work,
+    pub work: TrialWork,
 }
 
 impl Trial {
-    /// Whether its settings name the lead of the plan.
-    pub(crate) fn sets_the_lead(&self) -> bool {
+    /// Whether its settings name the latency compensation.
+    pub(crate) fn sets_latency_compensation(&self) -> bool {
         match &self.work {
-            Work::Train { training, .. } => name_the_lead(&training.set),
+            TrialWork::Train { training, .. } => name_the_lead(&training.set),
             _ => false,
         }
     }
@@ -40,7 +40,7 @@ impl Trial {
 /// The work of a trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
-pub enum Work {
+pub enum TrialWork {
     /// A song or a corpus is learned and, with `perform`, the song is played on the twin.
     Train {
         /// How it is learned.
@@ -65,19 +65,19 @@ pub enum Work {
         training: TrainingConfig,
         /// The mode of the performances.
         mode: Mode,
-        /// Rounds after the first performance.
-        rounds: usize,
-        /// Performances a round.
+        /// Iterations after the first performance.
+        iterations: usize,
+        /// Performances an iteration.
         runs: usize,
-        /// Truth of the twin: a name or a file.
-        truth: String,
+        /// Parameter set of the twin: a name or a file.
+        twin_params: String,
         /// Evaluations of each fit at most.
         evaluations: Option<u64>,
     },
     /// The simulator is fitted to the twin's excitations.
     Identify {
-        /// Truth of the twin: a name or a file.
-        truth: String,
+        /// Parameter set of the twin: a name or a file.
+        twin_params: String,
         /// The method.
         method: IdentifyMethod,
         /// Evaluations of each fit at most.

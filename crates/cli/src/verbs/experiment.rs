@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Subcommand, ValueEnum, ValueHint};
 use etude_experiment::{
-    Experiment, LaunchProgress, LocalConfig, PlanConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
+    Experiment, LaunchProgress, LocalConfig, ExperimentConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
     TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
     submit, write_plan,
 };
@@ -80,8 +80,8 @@ enum Budget {
 }
 
 impl PlanArgs {
-    fn config(&self) -> PlanConfig {
-        PlanConfig { seeds: self.seeds, smoke: self.budget == Budget::Smoke, set: self.set.clone() }
+    fn config(&self) -> ExperimentConfig {
+        ExperimentConfig { seeds: self.seeds, smoke: self.budget == Budget::Smoke, set: self.set.clone() }
     }
 
     fn plans(&self) -> anyhow::Result<Vec<(Experiment, Vec<Trial>)>> {
@@ -197,7 +197,7 @@ fn list(as_json: bool) -> anyhow::Result<Ending> {
     let mut rows = Vec::new();
     for name in names() {
         let experiment = Experiment::load(name)?;
-        let trials = experiment.plan(&PlanConfig::default())?.len();
+        let trials = experiment.plan(&ExperimentConfig::default())?.len();
         rows.push(
             json!({ "name": name, "trials": trials, "title": experiment.title, "source": experiment.source }),
         );

@@ -62,7 +62,7 @@ fn every_experiment_of_the_paper_runs_by_its_one_command() {
     let listed = sandbox.json("experiment list --json");
     let names: Vec<&str> =
         listed.as_array().unwrap().iter().map(|row| row["name"].as_str().unwrap()).collect();
-    for name in ["songs", "fences", "collision", "appendix-songs", "modes", "randomisation", "rounds"] {
+    for name in ["songs", "fences", "collision", "appendix-songs", "modes", "randomisation", "iterations"] {
         assert!(names.contains(&name), "{name} is missing among {names:?}");
     }
     let all = names.join(" ");

@@ -116,7 +116,7 @@ fn settings_that_cannot_work() {
         ("--set task.physics.nonsense=1", &["nonsense", "etude model params"]),
         ("--set task.physics.key.threshold=nan", &["key.threshold"]),
         ("--set task.reward.nonsense=1", &["nonsense", "key_press"]),
-        ("--preset slow", &["slow", "fast, expressive, quick, paper, appendix"]),
+        ("--preset slow", &["slow", "fast, expressive, paper, appendix"]),
         ("--config absent.toml", &["absent.toml", "No such file"]),
         ("--config broken.toml", &["broken.toml", "TOML"]),
         ("--set task.randomisation.widths.key.colour=1", &["key.colour", "etude model params"]),

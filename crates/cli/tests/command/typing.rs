@@ -115,7 +115,7 @@ fn bash_completes_verbs_options_names_and_files() {
         (&["etude", "tra"], &["train"]),
         (&["etude", "robot", "cal"], &["calibrate"]),
         (&["etude", "play", "tw"], &["twinkle"]),
-        (&["etude", "train", "twinkle", "--preset", "app"], &["appendix", "appendix-fast"]),
+        (&["etude", "train", "twinkle", "--preset", "app"], &["appendix"]),
         (&["etude", "train", "--mi"], &["--minutes"]),
         (&["etude", "experiment", "run", "fen"], &["fences"]),
         (&["etude", "perform", "twinkle", "--twin-params", "w"], &["worn"]),

@@ -35,10 +35,8 @@ pub const DEFAULT_PRESET: &str = "fast";
 const PRESETS: &[(&str, &str)] = &[
     ("fast", include_str!("../../../../configs/presets/fast.toml")),
     ("expressive", include_str!("../../../../configs/presets/expressive.toml")),
-    ("quick", include_str!("../../../../configs/presets/quick.toml")),
     ("paper", include_str!("../../../../configs/presets/paper.toml")),
     ("appendix", include_str!("../../../../configs/presets/appendix.toml")),
-    ("appendix-fast", include_str!("../../../../configs/presets/appendix-fast.toml")),
     ("sight-reader", include_str!("../../../../configs/presets/sight-reader.toml")),
 ];
 
@@ -154,7 +152,7 @@ mod tests {
         for (name, _) in PRESETS {
             let config = resolve(name, None, &[]).unwrap().complete();
             std::fs::write(&file, toml::to_string(&config).unwrap()).unwrap();
-            for over in ["paper", "fast", "expressive", "appendix-fast"] {
+            for over in ["paper", "fast", "expressive", "appendix"] {
                 let mut again = resolve(over, Some(&file), &[]).unwrap().complete();
                 // Not so the physical numbers: those of the preset stay where the file has none.
                 again.task.physics.retain(|path, _| config.task.physics.contains_key(path));
@@ -324,7 +322,7 @@ mod tests {
             resolve("slow", None, &[])
                 .unwrap_err()
                 .to_string()
-                .contains("fast, expressive, quick, paper, appendix, appendix-fast, sight-reader")
+                .contains("fast, expressive, paper, appendix, sight-reader")
         );
     }
 }

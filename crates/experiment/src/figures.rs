@@ -7,49 +7,42 @@ use etude_show::figure::{Drawing, Mark, Point, Series};
 use etude_stage::PhysicalParams;
 
 use crate::config::{Experiment, FigureConfig, FigureKind, Published};
-use crate::outcome::Row;
-use crate::record::{by_song, combinations, summary};
+use crate::outcome::ResultRow;
+use crate::results::{by_song, combinations, summary};
+
+/// Names of measures: in files, in figures and tables, along an axis; and the unit there.
+const MEASURES: [(&str, &str, &str, &str); 16] = [
+    ("f1", "F1, twin", "F1", "0 to 1"),
+    ("precision", "precision, twin", "precision", "0 to 1"),
+    ("recall", "recall, twin", "recall", "0 to 1"),
+    ("onset_f1", "F1 of onsets, twin", "F1 of onsets", "0 to 1"),
+    ("onset_f1_without_lag", "F1 of onsets without lag, twin", "F1 of onsets", "0 to 1"),
+    ("sim_f1", "F1, simulation", "F1", "0 to 1"),
+    ("sim_precision", "precision, simulation", "precision", "0 to 1"),
+    ("sim_recall", "recall, simulation", "recall", "0 to 1"),
+    ("sim_onset_f1", "F1 of onsets, simulation", "F1 of onsets", "0 to 1"),
+    ("gap", "gap", "gap", "0 to 1"),
+    ("complete", "complete", "share of complete runs", "0 to 1"),
+    ("lag_secs", "lag, twin", "lag", "s"),
+    ("latency_compensation_secs", "latency compensation, twin", "latency compensation", "s"),
+    ("held_out_before", "held-out error before, rad", "held-out error", "rad"),
+    ("held_out_after", "held-out error after, rad", "held-out error", "rad"),
+    ("rms", "rms", "residuals", "standard deviations of the noise"),
+];
 
 /// The name of a measure in figures and tables.
-pub(crate) fn measure_name(measure: &str, in_course: bool) -> String {
-    match measure {
-        "f1" if in_course => "F1, simulation".to_string(),
-        "f1" => "F1, twin".to_string(),
-        "precision" => "precision, twin".to_string(),
-        "recall" => "recall, twin".to_string(),
-        "sim_f1" => "F1, simulation".to_string(),
-        "sim_precision" => "precision, simulation".to_string(),
-        "sim_recall" => "recall, simulation".to_string(),
-        "onset_f1" => "F1 of onsets, twin".to_string(),
-        "onset_f1_without_lag" => "F1 of onsets without lag, twin".to_string(),
-        "lag_secs" => "lag, twin".to_string(),
-        "latency_compensation_secs" => "lead of the plan, twin".to_string(),
-        "sim_onset_f1" => "F1 of onsets, simulation".to_string(),
-        "held_out_before" => "held-out error before, rad".to_string(),
-        "held_out_after" => "held-out error after, rad".to_string(),
-        other => other.replace('_', " "),
-    }
+pub(crate) fn measure_name(measure: &str) -> String {
+    let known = MEASURES.iter().find(|known| known.0 == measure);
+    known.map_or_else(|| measure.replace('_', " "), |known| known.1.to_string())
 }
 
 /// What measures are along an axis, with their unit.
 fn measure_label(measures: &[String]) -> String {
-    let told = measures.iter().map(|measure| match measure.as_str() {
-        "f1" | "sim_f1" => ("F1", "0 to 1"),
-        "precision" | "sim_precision" => ("precision", "0 to 1"),
-        "recall" | "sim_recall" => ("recall", "0 to 1"),
-        "onset_f1" | "sim_onset_f1" | "onset_f1_without_lag" => ("F1 of onsets", "0 to 1"),
-        "gap" => ("gap", "0 to 1"),
-        "lag_secs" => ("lag", "s"),
-        "latency_compensation_secs" => ("lead", "s"),
-        "complete" => ("share of complete runs", "0 to 1"),
-        "held_out_before" | "held_out_after" => ("held-out error", "rad"),
-        "times_less" => ("error before / error after", ""),
-        "rms" => ("residuals", "standard deviations of the noise"),
-        other => (other, ""),
-    });
     let (mut names, mut units): (Vec<String>, Vec<&str>) = Default::default();
-    for (name, unit) in told {
-        let name = name.replace('_', " ");
+    for measure in measures {
+        let known = MEASURES.iter().find(|known| known.0 == measure);
+        let (name, unit) =
+            known.map_or_else(|| (measure.replace('_', " "), ""), |known| (known.2.to_string(), known.3));
         if !names.contains(&name) {
             names.push(name);
         }
@@ -63,8 +56,13 @@ fn measure_label(measures: &[String]) -> String {
     }
 }
 
+/// The measure that a figure shows as `measure`: in the curve of a training F1 is that in simulation.
+fn shown<'a>(figure: &FigureConfig, measure: &'a str) -> &'a str {
+    if figure.kind == FigureKind::Curves && measure == "f1" { "sim_f1" } else { measure }
+}
+
 /// What the horizontal axis is, with its unit.
-fn place_label(x: &str, experiment: &Experiment) -> String {
+fn axis_label(x: &str, experiment: &Experiment) -> String {
     let grid = || experiment.grid.keys().find(|path| path.rsplit('.').next() == Some(x));
     let physical = || {
         let path = grid()?.strip_prefix("task.physics.")?;
@@ -79,7 +77,8 @@ fn place_label(x: &str, experiment: &Experiment) -> String {
     }
 }
 
-/// The paper's values of what a figure shows as `measure` with these labels: at the places of `x`, or across a figure of curves.
+/// The paper's values of what a figure shows as `measure` with these labels: at positions along the
+/// axis, or across a figure of curves.
 fn marks(
     experiment: &Experiment,
     figure: &FigureConfig,
@@ -88,21 +87,20 @@ fn marks(
     groups: &[String],
 ) -> Vec<Mark> {
     let is_curve = figure.kind == FigureKind::Curves;
-    // In the course of a training F1 is that in simulation.
-    let measure = if is_curve && measure == "f1" { "sim_f1" } else { measure };
+    let measure = shown(figure, measure);
     let mut fixed: BTreeMap<String, String> =
         figure.filter.iter().chain(labels).map(|(key, value)| (key.clone(), value.clone())).collect();
-    // A number in simulation holds for every truth.
+    // A number in simulation holds for every twin.
     if measure.starts_with("sim_") {
-        fixed.remove("truth");
+        fixed.remove("twin_params");
     }
     let of_measure = experiment.paper.iter().filter(|published| published.measure == measure);
     let mark = |published: &Published| {
         let mut rest = published.filter.clone();
-        let place = rest.remove(&figure.x);
-        let x = match (is_curve, place) {
+        let label = rest.remove(&figure.x);
+        let x = match (is_curve, label) {
             (true, None) => None,
-            (false, Some(place)) => Some(place_of(&place, groups)?),
+            (false, Some(label)) => Some(position_of(&label, groups)?),
             _ => return None,
         };
         (rest == fixed).then_some(Mark { x, y: published.value })
@@ -110,10 +108,10 @@ fn marks(
     of_measure.filter_map(mark).collect()
 }
 
-/// Where a label stands along the axis: at its place among `groups`, or at the number that it is.
-fn place_of(label: &str, groups: &[String]) -> Option<f64> {
+/// The position of a label along the axis: its index among `groups`, or the number that it is.
+fn position_of(label: &str, groups: &[String]) -> Option<f64> {
     match groups.iter().position(|group| group == label) {
-        Some(place) => Some(place as f64),
+        Some(index) => Some(index as f64),
         None if groups.is_empty() => label.parse().ok(),
         None => None,
     }
@@ -135,27 +133,27 @@ pub(crate) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String 
 }
 
 /// The drawing of a figure.
-pub(crate) fn drawing(experiment: &Experiment, figure: &FigureConfig, all: &[Row]) -> Drawing {
-    let in_course = figure.kind == FigureKind::Curves;
-    let chosen: Vec<Row> = all.iter().filter(|record| record.has(&figure.filter)).cloned().collect();
+pub(crate) fn drawing(experiment: &Experiment, figure: &FigureConfig, all: &[ResultRow]) -> Drawing {
+    let chosen: Vec<ResultRow> = all.iter().filter(|row| row.has(&figure.filter)).cloned().collect();
     let keys: Vec<String> = figure.by.iter().cloned().collect();
-    let told_apart = combinations(&chosen, &keys);
-    let several = told_apart.len() > 1;
+    let compared = combinations(&chosen, &keys);
+    let several = compared.len() > 1;
     let mut groups = Vec::new();
     if figure.kind == FigureKind::Bars {
         let values = combinations(&chosen, std::slice::from_ref(&figure.x));
         groups = values.into_iter().filter_map(|labels| labels.get(&figure.x).cloned()).collect();
     }
     let mut series = Vec::new();
-    for labels in &told_apart {
+    for labels in &compared {
         for measure in &figure.y {
             let who: Vec<String> = labels.values().cloned().collect();
             let name = match (several, figure.y.len()) {
                 (true, 1) => who.join(", "),
-                (true, _) => format!("{}, {}", who.join(", "), measure_name(measure, in_course)),
-                (false, _) => measure_name(measure, in_course),
+                (true, _) => format!("{}, {}", who.join(", "), measure_name(shown(figure, measure))),
+                (false, _) => measure_name(shown(figure, measure)),
             };
-            let of_series: Vec<Row> = chosen.iter().filter(|record| record.has(labels)).cloned().collect();
+            let of_series: Vec<ResultRow> =
+                chosen.iter().filter(|record| record.has(labels)).cloned().collect();
             let points = match figure.kind {
                 FigureKind::Curves => curve(&of_series, &figure.x, measure),
                 FigureKind::Bars | FigureKind::Lines => by_label(&of_series, &figure.x, measure, &groups),
@@ -166,7 +164,7 @@ pub(crate) fn drawing(experiment: &Experiment, figure: &FigureConfig, all: &[Row
     }
     Drawing {
         title: figure.title.clone(),
-        x_label: place_label(&figure.x, experiment),
+        x_label: axis_label(&figure.x, experiment),
         y_label: measure_label(&figure.y),
         groups,
         markers: figure.kind == FigureKind::Lines,
@@ -175,45 +173,46 @@ pub(crate) fn drawing(experiment: &Experiment, figure: &FigureConfig, all: &[Row
     }
 }
 
-/// A measure against a number of the course: at each value at which every training was evaluated. If they were evaluated at different
-/// values: at fifty equal distances, each training with its last evaluation before.
-fn curve(all: &[Row], x: &str, measure: &str) -> Vec<Point> {
-    let key =
-        |record: &Row| ["song", "seed"].map(|label| record.labels.get(label).cloned().unwrap_or_default());
+/// A measure against a number that grows during a trial: at each value at which every training was
+/// evaluated. If these differ: at fifty equal distances, each training with its last evaluation before.
+fn curve(all: &[ResultRow], x: &str, measure: &str) -> Vec<Point> {
+    let key = |record: &ResultRow| {
+        ["song", "seed"].map(|label| record.labels.get(label).cloned().unwrap_or_default())
+    };
     let mut trainings: BTreeMap<[String; 2], Vec<(f64, f64)>> = BTreeMap::new();
     for record in all {
         if let (Some(at), Some(value)) = (record.values.get(x), record.values.get(measure)) {
             trainings.entry(key(record)).or_default().push((*at, *value));
         }
     }
-    let looks: BTreeSet<u64> = trainings.values().flatten().map(|(at, _)| at.to_bits()).collect();
+    let evaluated: BTreeSet<u64> = trainings.values().flatten().map(|(at, _)| at.to_bits()).collect();
     let most = trainings.values().map(Vec::len).max().unwrap_or(0);
     let end = trainings.values().flatten().fold(0.0f64, |end, (at, _)| end.max(*at));
-    let places: Vec<f64> = if looks.len() <= most {
-        sorted(looks.into_iter().map(f64::from_bits))
+    let positions: Vec<f64> = if evaluated.len() <= most {
+        sorted(evaluated.into_iter().map(f64::from_bits))
     } else {
         (1..=50).map(|part| end * f64::from(part) / 50.0).collect()
     };
-    let at_place = |place: f64| {
+    let at_position = |position: f64| {
         // After its end a training keeps its last value.
-        let last = |points: &[(f64, f64)]| Some(points.iter().rev().find(|(at, _)| *at <= place)?.1);
+        let last = |points: &[(f64, f64)]| Some(points.iter().rev().find(|(at, _)| *at <= position)?.1);
         let scores = trainings.iter().filter_map(|([song, _], points)| Some((song.as_str(), last(points)?)));
         let found = by_song(scores).filter(|found| found.count == trainings.len())?;
-        Some(Point { x: place, y: found.mean.value, interval: found.mean.interval })
+        Some(Point { x: position, y: found.mean.value, interval: found.mean.interval })
     };
-    places.into_iter().filter_map(at_place).collect()
+    positions.into_iter().filter_map(at_position).collect()
 }
 
-/// A measure for each value of a label: its place among `groups`, or the number that it is.
-fn by_label(all: &[Row], x: &str, measure: &str, groups: &[String]) -> Vec<Point> {
+/// A measure for each value of a label, at its position.
+fn by_label(all: &[ResultRow], x: &str, measure: &str, groups: &[String]) -> Vec<Point> {
     let values = combinations(all, &[x.to_string()]);
     let mut points: Vec<Point> = values
         .iter()
         .filter_map(|labels| {
             let value = labels.get(x)?;
-            let place = place_of(value, groups)?;
+            let position = position_of(value, groups)?;
             let found = summary(all, labels, measure)?;
-            Some(Point { x: place, y: found.mean.value, interval: found.mean.interval })
+            Some(Point { x: position, y: found.mean.value, interval: found.mean.interval })
         })
         .collect();
     points.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -224,8 +223,8 @@ fn by_label(all: &[Row], x: &str, measure: &str, groups: &[String]) -> Vec<Point
 mod tests {
     use super::*;
 
-    fn record(labels: &[(&str, &str)], values: &[(&str, f64)]) -> Row {
-        Row {
+    fn record(labels: &[(&str, &str)], values: &[(&str, f64)]) -> ResultRow {
+        ResultRow {
             labels: labels.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect(),
             values: values.iter().map(|(key, value)| (key.to_string(), *value)).collect(),
         }
@@ -261,7 +260,7 @@ mod tests {
     }
 
     /// The rows of an experiment that has this figure.
-    fn drawn(name: &str, figure: &str, all: &[Row]) -> Drawing {
+    fn drawn(name: &str, figure: &str, all: &[ResultRow]) -> Drawing {
         let experiment = Experiment::load(name).unwrap();
         let figure = experiment.figures.iter().find(|known| known.name == figure).unwrap();
         drawing(&experiment, figure, all)
@@ -270,7 +269,7 @@ mod tests {
     #[test]
     fn the_papers_values_stand_beside_ours() {
         let of = |variant: &str| {
-            let labels = [("variant", variant), ("truth", "standard"), ("seed", "0")];
+            let labels = [("variant", variant), ("twin_params", "standard"), ("seed", "0")];
             record(&labels, &[("sim_f1", 0.97), ("gap", 0.05)])
         };
         let bars = drawn("fences", "gap", &[of("fences"), of("no fences")]);
@@ -281,21 +280,21 @@ mod tests {
         assert_eq!(marks("F1, simulation"), [(0.0, 0.946), (1.0, 0.946)]);
         assert_eq!(marks("gap"), [(0.0, 0.068), (1.0, 0.112)]);
 
-        let course = [record(&[("variant", "fences"), ("seed", "0")], &[("step", 5e3), ("f1", 0.2)])];
-        let curves = drawn("fences", "training", &course);
+        let points = [record(&[("variant", "fences"), ("seed", "0")], &[("step", 5e3), ("f1", 0.2)])];
+        let curves = drawn("fences", "training", &points);
         assert_eq!(curves.series[0].marks, [Mark { x: None, y: 0.946 }]);
 
-        let played = |truth: &str, f1: f64| {
-            record(&[("intensity", "0.6"), ("truth", truth), ("seed", "0")], &[("f1", f1)])
+        let played = |twin_params: &str, f1: f64| {
+            record(&[("intensity", "0.6"), ("twin_params", twin_params), ("seed", "0")], &[("f1", f1)])
         };
         let lines = drawn("randomisation", "twin", &[played("standard", 0.8), played("worn", 0.6)]);
         let of_f1 = lines.series.iter().find(|series| series.name == "F1, twin").unwrap();
         assert_eq!(of_f1.marks, [Mark { x: Some(0.6), y: 0.52 }]);
         // The paper has no number of this mode alone.
         let modes = drawn(
-            "rounds",
+            "iterations",
             "f1",
-            &[record(&[("mode", "hybrid"), ("round", "2"), ("seed", "0")], &[("f1", 0.8)])],
+            &[record(&[("mode", "hybrid"), ("iteration", "2"), ("seed", "0")], &[("f1", 0.8)])],
         );
         assert_eq!(modes.series[0].marks, []);
     }
@@ -315,8 +314,8 @@ mod tests {
         }
         let mut experiment = Experiment::load("randomisation").unwrap();
         experiment.grid = [("task.physics.joint.rail.acceleration_limit".to_string(), Vec::new())].into();
-        assert_eq!(place_label("acceleration_limit", &experiment), "acceleration limit (m/s²)");
-        assert_eq!(place_label("secs", &experiment), "time of the training (s)");
+        assert_eq!(axis_label("acceleration_limit", &experiment), "acceleration limit (m/s²)");
+        assert_eq!(axis_label("secs", &experiment), "time of the training (s)");
         let label =
             |measures: &[&str]| measure_label(&measures.iter().map(ToString::to_string).collect::<Vec<_>>());
         assert_eq!(label(&["sim_f1", "f1", "gap"]), "F1, gap (0 to 1)");

@@ -1,4 +1,4 @@
-//! Pieces that players play: songs, validation melodies, and test melodies by what makes them hard.
+//! Trials of players: songs, validation melodies, and test melodies by what makes them hard.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,8 +9,8 @@ use etude_learn::seed::fnv;
 use etude_music::{Song, Split, chords, key_is_black, melody};
 
 use crate::config::{Experiment, LearnerConfig, PlayConfig};
-use crate::plan::{PlanConfig, all_or_first, notes_of};
-use crate::trial::{TrainingConfig, Trial, Work, fingerprint, id, json};
+use crate::plan::{ExperimentConfig, all_or_first, notes_of};
+use crate::trial::{TrainingConfig, Trial, TrialWork, fingerprint, id, json};
 
 /// Name of the scripted baseline.
 const SCRIPTED: &str = "scripted";
@@ -30,37 +30,39 @@ const KINDS: [[&str; 2]; 4] = [
     ["few black keys", "many black keys"],
 ];
 
-/// From so many onsets a second on a melody is quick.
+/// A melody of this many onsets a second or more is quick.
 const QUICK_PER_SEC: f64 = 2.0;
 /// A step of more semitones from top note to top note is a leap.
 const LEAP_SEMITONES: u8 = 5;
-/// From this share of leaps among the steps on, of chords among the onsets, and of black keys among the notes, there are many.
+/// There are many from this share on: leaps among the steps, chords among the onsets, black keys
+/// among the notes.
 const MANY: [f64; 3] = [0.1, 0.1, 0.5];
 
 /// The piece of this name: a built-in id, a MIDI file, or `melody-SEED`.
 ///
 /// # Errors
 /// If there is none.
-pub(crate) fn piece_called(name: &str) -> anyhow::Result<Song> {
+pub(crate) fn find_piece(name: &str) -> anyhow::Result<Song> {
     match name.strip_prefix(MELODY).and_then(|seed| seed.parse().ok()) {
         Some(seed) => Ok(melody(seed)),
         None => Ok(find_song(name)?),
     }
 }
 
-/// The player of this name: `scripted`, a policy that comes with Étude, a policy's file, or the folder of a run.
+/// The player of this name: `scripted`, a policy that comes with Étude, a policy's file, or the
+/// folder of a run.
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
-pub(crate) fn player_called(name: &str) -> anyhow::Result<Pianist> {
+pub(crate) fn find_player(name: &str) -> anyhow::Result<Pianist> {
     if name == SCRIPTED {
         return Ok(Pianist::scripted());
     }
     load_pianist(&policy_called(Path::new(name))?)
 }
 
-/// A piece: its name, its notes, and its kinds.
-struct Piece {
+/// A piece to play.
+struct NamedPiece {
     name: String,
     song: Song,
     kinds: Vec<&'static str>,
@@ -69,7 +71,7 @@ struct Piece {
 /// The first `count` melodies of a part.
 fn melodies(part: Split, count: usize) -> impl Iterator<Item = (String, Song)> {
     let all = (0..).map(|seed| (format!("{MELODY}{seed}"), melody(seed)));
-    all.filter(move |(_, song)| song.split() == part).take(count)
+    all.filter(move |(_, song)| song.split() == split).take(count)
 }
 
 /// What makes a melody hard or easy: of tempo, leaps, chords and black keys one word each.
@@ -90,18 +92,18 @@ pub(crate) fn kinds(song: &Song) -> [&'static str; 4] {
 }
 
 impl Experiment {
-    /// The trials of players: each piece by each. A test melody is in four kinds, and is learned and played once.
+    /// The trials of players: each piece by each. A test melody is in four kinds, and is played once.
     pub(crate) fn plays(
         &self,
         play: &PlayConfig,
         seed: u64,
-        config: &PlanConfig,
+        config: &ExperimentConfig,
     ) -> anyhow::Result<Vec<Trial>> {
         let pieces = self.pieces(play, config.smoke)?;
         let (perform, on_twin) = self.performance(None, config.smoke)?;
         let wrong = |name: &str, error| anyhow!("experiment {}: player `{name}`: {error:#}", self.name);
         let mut trials = Vec::new();
-        let mut add = |player: &str, piece: &Piece, id: &str, work: &Work| {
+        let mut add = |player: &str, piece: &NamedPiece, id: &str, work: &TrialWork| {
             for kind in &piece.kinds {
                 let labels = [("song", piece.name.as_str()), ("player", player), ("pieces", kind)];
                 let mut labels: BTreeMap<String, String> =
@@ -112,12 +114,12 @@ impl Experiment {
         };
         for name in &play.players {
             let player = name.replace(SEED, &seed.to_string());
-            let content = player_called(&player)
+            let content = find_player(&player)
                 .and_then(|pianist| content(&pianist))
                 .map_err(|error| wrong(name, error))?;
             for piece in &pieces {
                 let all = format!("{}{content}{on_twin}{seed}", notes_of(&piece.song));
-                let work = Work::Play {
+                let work = TrialWork::Play {
                     song: piece.name.clone(),
                     player: player.clone(),
                     perform: perform.clone(),
@@ -132,7 +134,7 @@ impl Experiment {
             for piece in &pieces {
                 let all = fingerprint(&notes_of(&piece.song), &resolved) + &source + &on_twin;
                 let training = TrainingConfig { song: Some(piece.name.clone()), ..training.clone() };
-                let work = Work::Train { training, perform: perform.clone() };
+                let work = TrialWork::Train { training, perform: perform.clone() };
                 add(&learner.name, piece, &id("train", &piece.name, seed, &all), &work);
             }
         }
@@ -145,29 +147,29 @@ impl Experiment {
         Ok(trials)
     }
 
-    fn pieces(&self, play: &PlayConfig, smoke: bool) -> anyhow::Result<Vec<Piece>> {
+    fn pieces(&self, play: &PlayConfig, smoke: bool) -> anyhow::Result<Vec<NamedPiece>> {
         let mut pieces = Vec::new();
         for name in all_or_first(&self.songs, smoke) {
-            pieces.push(Piece { name: name.clone(), song: find_song(name)?, kinds: vec![SONGS] });
+            pieces.push(NamedPiece { name: name.clone(), song: find_song(name)?, kinds: vec![SONGS] });
         }
         let count = |count: usize| if smoke { count.min(1) } else { count };
         for (name, song) in melodies(Split::Validation, count(play.validation_melodies)) {
-            pieces.push(Piece { name, song, kinds: vec![VALIDATION] });
+            pieces.push(NamedPiece { name, song, kinds: vec![VALIDATION] });
         }
         for (name, song) in melodies(Split::Test, count(play.melodies)) {
             let kinds = kinds(&song).to_vec();
-            pieces.push(Piece { name, song, kinds });
+            pieces.push(NamedPiece { name, song, kinds });
         }
         Ok(pieces)
     }
 }
 
 impl LearnerConfig {
-    /// Its training, of no piece yet; the configuration; and a text that differs where what it begins with does.
+    /// Its training, of no piece yet; the configuration; and a checksum of what it begins with.
     fn training(
         &self,
         seed: u64,
-        config: &PlanConfig,
+        config: &ExperimentConfig,
     ) -> anyhow::Result<(TrainingConfig, RunConfig, String)> {
         let set = config.complete(self.set.clone(), seed);
         let from = self.from.as_ref().map(|from| from.replace(SEED, &seed.to_string()));
@@ -193,7 +195,7 @@ fn checksum_of(file: &Path) -> anyhow::Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::PlanConfig;
+    use crate::plan::ExperimentConfig;
     use crate::plan::tests::plan;
     use etude_lab::shipped_policy;
     use etude_music::Note;
@@ -227,17 +229,17 @@ mod tests {
 
     #[test]
     fn each_player_plays_each_piece_once_and_a_melody_stands_in_four_kinds() {
-        let trials = plan(MINE, &PlanConfig::default());
+        let trials = plan(MINE, &ExperimentConfig::default());
         assert_eq!(trials.len(), 2 * 2 * (1 + 3 * 4));
         let ids: std::collections::BTreeSet<_> = trials.iter().map(|trial| &trial.id).collect();
         assert_eq!(ids.len(), 2 * 2 * (1 + 3));
         for trial in &trials {
-            let Work::Play { song, .. } = &trial.work else { panic!("{trial:?}") };
+            let TrialWork::Play { song, .. } = &trial.work else { panic!("{trial:?}") };
             let is_song = trial.labels["pieces"] == SONGS;
             assert_eq!(is_song, song == "twinkle");
-            assert!(is_song || piece_called(song).unwrap().split() == Split::Test, "{song}");
+            assert!(is_song || find_piece(song).unwrap().split() == Split::Test, "{song}");
         }
-        let smoke = plan(MINE, &PlanConfig { smoke: true, ..PlanConfig::default() });
+        let smoke = plan(MINE, &ExperimentConfig { smoke: true, ..ExperimentConfig::default() });
         assert_eq!(smoke.len(), 2 * (1 + 4));
     }
 
@@ -245,13 +247,13 @@ mod tests {
     fn learners_learn_each_piece_from_what_they_begin_with() {
         let learners = "validation_melodies = 2\n[[play.learners]]\nname = 'tuned'\nfrom = 'sight-reader'\nset = ['trainer.total_steps=2000']\n\
                         [[play.learners]]\nname = 'its own'\n";
-        let trials = plan(&format!("{MINE}{learners}"), &PlanConfig::default());
+        let trials = plan(&format!("{MINE}{learners}"), &ExperimentConfig::default());
         assert_eq!(trials.len(), 2 * 4 * (1 + 2 + 3 * 4));
         let of = |player: &str| -> Vec<&Trial> {
             trials.iter().filter(|trial| trial.labels["player"] == player).collect()
         };
         for (tuned, own) in of("tuned").into_iter().zip(of("its own")) {
-            let (Work::Train { training, .. }, Work::Train { training: alone, .. }) =
+            let (TrialWork::Train { training, .. }, TrialWork::Train { training: alone, .. }) =
                 (&tuned.work, &own.work)
             else {
                 panic!("{tuned:?} {own:?}")
@@ -266,11 +268,11 @@ mod tests {
                 "the observation is that of the sight-reader"
             );
             assert_ne!(alone.task.view, config.task.view);
-            let part = piece_called(&tuned.labels["song"]).unwrap().split();
+            let split = find_piece(&tuned.labels["song"]).unwrap().split();
             match tuned.labels["pieces"].as_str() {
-                VALIDATION => assert_eq!(part, Split::Validation),
+                VALIDATION => assert_eq!(split, Split::Validation),
                 SONGS => {}
-                _ => assert_eq!(part, Split::Test),
+                _ => assert_eq!(split, Split::Test),
             }
         }
         // What it begins with is part of the work, and one policy a seed may be.
@@ -285,7 +287,7 @@ mod tests {
             }
             let from = folder.path().join("{seed}.safetensors").display().to_string();
             let text = format!("{MINE}{}", learners.replace("sight-reader", &from));
-            let trials = plan(&text, &PlanConfig::default());
+            let trials = plan(&text, &ExperimentConfig::default());
             let tuned = trials
                 .iter()
                 .filter(|trial| trial.labels["player"] == "tuned" && trial.labels["song"] == "twinkle");
@@ -295,8 +297,11 @@ mod tests {
         assert!(of("tuned").iter().any(|trial| trial.id == same[0]), "the bytes count, not the path");
         let other = ids(["sight-reader", "twinkle"]);
         assert!(same[0] == other[0] && same[1] != other[1]);
-        let smoke = plan(&format!("{MINE}{learners}"), &PlanConfig { smoke: true, ..PlanConfig::default() });
-        let Work::Train { training, .. } = &smoke[smoke.len() - 1].work else { panic!("{smoke:?}") };
+        let smoke = plan(
+            &format!("{MINE}{learners}"),
+            &ExperimentConfig { smoke: true, ..ExperimentConfig::default() },
+        );
+        let TrialWork::Train { training, .. } = &smoke[smoke.len() - 1].work else { panic!("{smoke:?}") };
         assert_eq!(training.resolve().unwrap().trainer.total_steps, 480);
     }
 
@@ -308,9 +313,9 @@ mod tests {
                 .unwrap();
         }
         let name = folder.path().join("{seed}.safetensors").display().to_string();
-        let trials = plan(&MINE.replace("'scripted'", &format!("'{name}'")), &PlanConfig::default());
+        let trials = plan(&MINE.replace("'scripted'", &format!("'{name}'")), &ExperimentConfig::default());
         for trial in trials.iter().filter(|trial| trial.labels["player"] == name) {
-            let Work::Play { player, .. } = &trial.work else { panic!("{trial:?}") };
+            let TrialWork::Play { player, .. } = &trial.work else { panic!("{trial:?}") };
             assert_eq!(*player, name.replace(SEED, &trial.labels["seed"]));
         }
         assert_eq!(trials.iter().filter(|trial| trial.labels["player"] == name).count(), 2 * (1 + 3 * 4));

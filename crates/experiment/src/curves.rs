@@ -1,4 +1,4 @@
-//! The course of a trial: the evaluations of a training, or the points of a fit.
+//! Curves: the evaluations of a training, or the points of a fit.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -30,9 +30,9 @@ pub(crate) fn evaluations(path: &Path) -> anyhow::Result<(Vec<Values>, Vec<f64>)
     Ok((points, secs))
 }
 
-/// The course of a fit, stored while it runs. A resumed fit repeats its last evaluations exactly; a point that is stored already is
-/// not added again.
-pub(crate) struct Course {
+/// The curve of a fit, stored while it runs. A resumed fit repeats its last evaluations exactly; a
+/// point that is stored already is not added again.
+pub(crate) struct FitCurve {
     file: File,
     path: PathBuf,
     seen: Vec<(String, u64, f64)>,
@@ -41,7 +41,7 @@ pub(crate) struct Course {
     pub points: Vec<Values>,
 }
 
-impl Course {
+impl FitCurve {
     pub fn open(path: &Path) -> anyhow::Result<Self> {
         let text = match std::fs::read_to_string(path) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
@@ -53,9 +53,9 @@ impl Course {
         write_file(path, &lines)?;
         let file = OpenOptions::new().append(true).open(path).map_err(|error| file_error(path, &error))?;
         let path = path.to_path_buf();
-        let mut course = Self { file, path, seen: Vec::new(), before: 0, points: Vec::new() };
-        whole.into_iter().for_each(|point| course.take(point));
-        Ok(course)
+        let mut curve = Self { file, path, seen: Vec::new(), before: 0, points: Vec::new() };
+        whole.into_iter().for_each(|point| curve.take(point));
+        Ok(curve)
     }
 
     pub fn add(&mut self, at: &Progress) -> anyhow::Result<()> {
@@ -68,7 +68,7 @@ impl Course {
         self.file.write_all(text.as_bytes()).map_err(|error| file_error(&self.path, &error))
     }
 
-    /// Each pass counts its replays from 0; the course counts all.
+    /// Each pass counts its replays from 0; the curve counts all.
     fn take(&mut self, point: (String, u64, f64)) {
         if let Some((pass, replays, _)) = self.seen.last()
             && (*pass != point.0 || *replays > point.1)

@@ -1,7 +1,6 @@
-//! The results as one table: each row is one performance, round or fit, with all its labels and measures.
+//! The results as one table: a row is one performance, iteration or fit, with its labels and measures.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::path::Path;
 
 use etude_perform::stats::mean;
@@ -9,13 +8,13 @@ use serde::{Deserialize, Serialize};
 
 use etude_show::figure::short;
 
-use crate::outcome::{RESULT, Row, TIMES, TrialResult, TrialTimes};
+use crate::outcome::{RESULT, ResultRow, TIMES, TrialResult, TrialTimes};
 use crate::stats::Summary;
 use crate::trial::Trial;
 
 /// A trial that is done, and its result: one line of `results.jsonl`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct DoneTrial {
     /// The trial.
     pub trial: Trial,
     /// Its result.
@@ -24,7 +23,7 @@ pub struct Entry {
     pub times: TrialTimes,
 }
 
-impl Entry {
+impl DoneTrial {
     /// The entry of `trial` in the folder `runs`; `None` while it is not done.
     pub fn load(trial: &Trial, runs: &Path) -> Option<Self> {
         let folder = runs.join(&trial.id);
@@ -36,29 +35,29 @@ impl Entry {
 }
 
 /// The rows of all entries.
-pub fn records(entries: &[Entry]) -> Vec<Row> {
-    let of_entry = |entry: &Entry| {
+pub fn records(entries: &[DoneTrial]) -> Vec<ResultRow> {
+    let of_entry = |entry: &DoneTrial| {
         let trial = entry.trial.labels.clone();
         let rows = entry.result.rows.clone().into_iter();
         rows.map(move |row| {
             let mut labels = trial.clone();
             labels.extend(row.labels);
-            Row { labels, values: row.values }
+            ResultRow { labels, values: row.values }
         })
         .collect::<Vec<_>>()
     };
     entries.iter().flat_map(of_entry).collect()
 }
 
-/// The points of all courses; `secs` among their values where they are known.
-pub fn courses(entries: &[Entry]) -> Vec<Row> {
-    let of_entry = |entry: &Entry| {
-        let points = entry.result.course.iter().enumerate();
+/// The points of all curves, with `secs` where they are known.
+pub fn curves(entries: &[DoneTrial]) -> Vec<ResultRow> {
+    let of_entry = |entry: &DoneTrial| {
+        let points = entry.result.curve.iter().enumerate();
         points
             .map(|(index, point)| {
                 let mut values = point.clone();
-                values.extend(entry.times.course_secs.get(index).map(|secs| ("secs".to_string(), *secs)));
-                Row { labels: entry.trial.labels.clone(), values }
+                values.extend(entry.times.curve_secs.get(index).map(|secs| ("secs".to_string(), *secs)));
+                ResultRow { labels: entry.trial.labels.clone(), values }
             })
             .collect::<Vec<_>>()
     };
@@ -69,24 +68,24 @@ pub fn courses(entries: &[Entry]) -> Vec<Row> {
 pub const REPETITIONS: [&str; 3] = ["song", "seed", "run"];
 
 /// The labels that are compared, in the order of their names.
-pub fn compared(records: &[Row]) -> Vec<String> {
+pub fn compared(records: &[ResultRow]) -> Vec<String> {
     let keys: BTreeSet<&String> = records.iter().flat_map(|record| record.labels.keys()).collect();
     keys.into_iter().filter(|key| !REPETITIONS.contains(&key.as_str())).cloned().collect()
 }
 
 /// The different values of some labels, in the order in which they come.
-pub fn combinations(records: &[Row], keys: &[String]) -> Vec<BTreeMap<String, String>> {
+pub fn combinations(records: &[ResultRow], keys: &[String]) -> Vec<BTreeMap<String, String>> {
     let mut seen = BTreeSet::new();
-    let of = |record: &Row| -> BTreeMap<String, String> {
+    let of = |record: &ResultRow| -> BTreeMap<String, String> {
         keys.iter().filter_map(|key| Some((key.clone(), record.labels.get(key)?.clone()))).collect()
     };
     records.iter().map(of).filter(|labels| seen.insert(labels.clone())).collect()
 }
 
-/// A measure of each training that has these labels, by song and seed. The runs of one training are no independent scores, so
-/// their mean is one.
+/// A measure of each training that has these labels, by song and seed. The runs of one training are
+/// not independent: their mean is one score.
 fn trainings<'a>(
-    records: &'a [Row],
+    records: &'a [ResultRow],
     filter: &BTreeMap<String, String>,
     measure: &str,
 ) -> BTreeMap<(&'a str, &'a str), f64> {
@@ -110,13 +109,13 @@ pub fn by_song<'a>(scores: impl Iterator<Item = (&'a str, f64)>) -> Option<Summa
 }
 
 /// A measure of those records that have these labels.
-pub fn summary(records: &[Row], filter: &BTreeMap<String, String>, measure: &str) -> Option<Summary> {
+pub fn summary(records: &[ResultRow], filter: &BTreeMap<String, String>, measure: &str) -> Option<Summary> {
     by_song(trainings(records, filter, measure).into_iter().map(|((song, _), score)| (song, score)))
 }
 
 /// How much a measure of one thing is above that of another, training by training: those of the same song and seed.
 pub fn paired(
-    records: &[Row],
+    records: &[ResultRow],
     one: &BTreeMap<String, String>,
     other: &BTreeMap<String, String>,
     measure: &str,
@@ -128,60 +127,49 @@ pub fn paired(
 
 /// When each training first had a score: step, and seconds where they are known; and how many trainings there are.
 pub fn time_to(
-    entries: &[Entry],
+    entries: &[DoneTrial],
     filter: &BTreeMap<String, String>,
     measure: &str,
     score: f64,
 ) -> (Vec<(f64, f64)>, usize) {
-    let has = |entry: &&Entry| filter.iter().all(|(key, value)| entry.trial.labels.get(key) == Some(value));
-    let of_entry = |entry: &Entry| {
+    let has =
+        |entry: &&DoneTrial| filter.iter().all(|(key, value)| entry.trial.labels.get(key) == Some(value));
+    let of_entry = |entry: &DoneTrial| {
         let first =
-            entry.result.course.iter().position(|point| point.get(measure).is_some_and(|at| *at >= score))?;
-        let step = entry.result.course[first].get("step").copied()?;
-        Some((step, entry.times.course_secs.get(first).copied().unwrap_or(f64::NAN)))
+            entry.result.curve.iter().position(|point| point.get(measure).is_some_and(|at| *at >= score))?;
+        let step = entry.result.curve[first].get("step").copied()?;
+        Some((step, entry.times.curve_secs.get(first).copied().unwrap_or(f64::NAN)))
     };
-    let chosen: Vec<&Entry> = entries.iter().filter(has).collect();
+    let chosen: Vec<&DoneTrial> = entries.iter().filter(has).collect();
     (chosen.iter().filter_map(|entry| of_entry(entry)).collect(), chosen.len())
 }
 
 /// A table as CSV: labels, then measures.
-pub fn csv(records: &[Row]) -> String {
-    let labels: BTreeSet<&String> = records.iter().flat_map(|record| record.labels.keys()).collect();
-    let values: BTreeSet<&String> = records.iter().flat_map(|record| record.values.keys()).collect();
-    let head: Vec<&str> = labels.iter().chain(&values).map(|key| key.as_str()).collect();
-    let mut text = head.join(",") + "\n";
-    for record in records {
-        let of_labels =
-            labels.iter().map(|key| record.labels.get(*key).map_or_else(String::new, |text| field(text)));
-        // Six digits tell all that a score of control steps can; the whole number is in `results.jsonl`.
-        let of_values = values
-            .iter()
-            .map(|key| record.values.get(*key).map_or_else(String::new, |value| short(*value, 6)));
-        let fields: Vec<String> = of_labels.chain(of_values).collect();
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{}", fields.join(","));
+pub fn to_csv(rows: &[ResultRow]) -> anyhow::Result<String> {
+    let labels: BTreeSet<&String> = rows.iter().flat_map(|row| row.labels.keys()).collect();
+    let values: BTreeSet<&String> = rows.iter().flat_map(|row| row.values.keys()).collect();
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(labels.iter().chain(&values))?;
+    for row in rows {
+        let of_labels = labels.iter().map(|key| row.labels.get(*key).cloned().unwrap_or_default());
+        // Six digits are enough for a score of control steps; the number itself is in `results.jsonl`.
+        let of_values =
+            values.iter().map(|key| row.values.get(*key).map_or_else(String::new, |value| short(*value, 6)));
+        writer.write_record(of_labels.chain(of_values))?;
     }
-    text
-}
-
-fn field(text: &str) -> String {
-    if text.contains([',', '"', '\n']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_string()
-    }
+    Ok(String::from_utf8(writer.into_inner()?)?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn record(labels: &[(&str, &str)], f1: f64) -> Row {
+    fn record(labels: &[(&str, &str)], f1: f64) -> ResultRow {
         let labels = labels.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
-        Row { labels, values: BTreeMap::from([("f1".to_string(), f1)]) }
+        ResultRow { labels, values: BTreeMap::from([("f1".to_string(), f1)]) }
     }
 
-    fn table() -> Vec<Row> {
+    fn table() -> Vec<ResultRow> {
         let mut all = Vec::new();
         for (variant, more) in [("a", 0.0), ("b", 0.1)] {
             for (song, level) in [("x", 0.4), ("y", 0.8)] {
@@ -224,7 +212,7 @@ mod tests {
 
     #[test]
     fn tables_are_csv_whatever_the_labels() {
-        let text = csv(&[record(&[("variant", "a, \"b\"")], 0.25)]);
+        let text = to_csv(&[record(&[("variant", "a, \"b\"")], 0.25)]).unwrap();
         assert_eq!(text, "variant,f1\n\"a, \"\"b\"\"\",0.25\n");
     }
 }

@@ -1,0 +1,134 @@
+//! Trials of Sim2Real2Sim: rehearsals, and fits alone.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use anyhow::Context as _;
+use etude_identify::Progress;
+use etude_lab::{
+    Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, find_song, identify_robot,
+    record_excitations, rehearse_on_robot,
+};
+use etude_perform::session::{TWIN, rig_choice};
+use etude_perform::{Excitation, Job, Mode, gap};
+use etude_show::RehearsalPage;
+
+use super::{RunningTrial, SEED_STRIDE, result_row};
+use crate::curves::FitCurve;
+use crate::outcome::{TrialResult, TrialTimes};
+use crate::trial::TrainingConfig;
+
+/// Name of the file with the curve of a fit.
+const CURVE: &str = "curve.jsonl";
+
+impl RunningTrial<'_, '_> {
+    pub(super) fn rehearse(
+        &mut self,
+        training: &TrainingConfig,
+        mode: Mode,
+        [iterations, runs]: [usize; 2],
+        twin_params: &str,
+        evaluations: Option<u64>,
+    ) -> anyhow::Result<(TrialResult, TrialTimes)> {
+        let begun = Instant::now();
+        let name = training.song.clone().context("a rehearsal needs a song")?;
+        let song = find_song(&name)?;
+        let rig = rig_choice(TWIN, twin_params)?;
+        let config = RehearsalConfig {
+            song: name,
+            rig: rig.name().to_string(),
+            twin_params: Some(twin_params.to_string()),
+            iterations,
+            runs,
+            mode,
+            preset: training.preset.clone(),
+            overrides: training.set.clone(),
+            policy: None,
+            simulator: None,
+            method: IdentifyMethod::Lm,
+            evaluations,
+            seed: training.resolve()?.trainer.seed,
+            threads: Some(self.threads),
+            keep_replay: false,
+        };
+        let (folder, interrupt) = (self.folder.join("rehearsal"), self.job.interrupt());
+        let parts = (iterations + 1) as f64;
+        let mut page = RehearsalPage::new(&config, &folder);
+        let mut on_progress = |step: &RehearsalStep| match step {
+            RehearsalStep::Identifying(number, at) => {
+                let phase = format!("iteration {number}: {}", at.pass.name());
+                self.report(&phase, *number as f64 / parts, None);
+            }
+            RehearsalStep::Training(number, at) => {
+                let share = (*number as f64 + at.share()) / parts;
+                self.report(&format!("iteration {number}: training"), share, at.best_f1);
+            }
+            RehearsalStep::Iteration(iteration) => page.add(iteration),
+            _ => {}
+        };
+        let mut job = Job::new(&mut on_progress, interrupt);
+        let iterations = rehearse_on_robot(&song, &rig, &config, &folder, &mut job)?;
+        page.checked()?;
+        let rows = iterations.iter().map(|iteration| {
+            let mut values = vec![
+                ("sim_f1", iteration.sim_f1),
+                ("f1", iteration.robot_f1),
+                ("onset_f1", iteration.notes.onset_f1),
+                ("onset_f1_without_lag", iteration.notes.onset_f1_without_lag),
+                ("gap", gap(iteration.sim_f1, iteration.robot_f1)),
+            ];
+            if let Some([before, after]) = iteration.held_out_rad {
+                values.extend([("held_out_before", before), ("held_out_after", after)]);
+            }
+            result_row(&[("iteration", iteration.iteration.to_string())], &values)
+        });
+        Ok((self.result(rows.collect(), Vec::new()), self.times(begun.elapsed().as_secs_f64(), Vec::new())))
+    }
+
+    pub(super) fn identify(
+        &mut self,
+        twin_params: &str,
+        method: IdentifyMethod,
+        evaluations: Option<u64>,
+        seed: u64,
+    ) -> anyhow::Result<(TrialResult, TrialTimes)> {
+        let rig = rig_choice(TWIN, twin_params)?;
+        let excitations = self.folder.join("recordings");
+        let interrupt = self.job.interrupt();
+        self.report("recording", 0.0, None);
+        let noise = SEED_STRIDE.wrapping_mul(seed);
+        let recordings =
+            record_excitations(&rig, &Excitation::ALL, &excitations, noise, interrupt, &mut |_, _| {})?;
+        let what = Identification {
+            recordings,
+            held_out: Vec::new(),
+            method,
+            evaluations,
+            seed,
+            start: BTreeMap::new(),
+        };
+        let folder = self.folder.join("identified");
+        let mut curve = FitCurve::open(&self.folder.join(CURVE))?;
+        let mut written = Ok(());
+        let mut on_progress = |at: &Progress| {
+            let share = at.ended[0] as f64 / at.ended[1].max(1) as f64;
+            self.report(at.pass.name(), share, None);
+            if written.is_ok() {
+                written = curve.add(at);
+            }
+        };
+        let report = identify_robot(&what, &folder, &mut Job::new(&mut on_progress, interrupt))?;
+        written?;
+        let errors = &report.held_out_errors;
+        let replays: u64 = report.identified.passes.iter().map(|end| end.replays).sum();
+        let secs: f64 = report.identified.passes.iter().map(|end| end.secs).sum();
+        let values = [
+            ("held_out_before", errors.fingers[0]),
+            ("held_out_after", errors.fingers[1]),
+            ("noise", errors.fingers_noise),
+            ("times_less", errors.fingers[0] / errors.fingers[1]),
+            ("replays", replays as f64),
+        ];
+        Ok((self.result(vec![result_row(&[], &values)], curve.points), self.times(secs, Vec::new())))
+    }
+}
