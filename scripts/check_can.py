@@ -3,9 +3,9 @@
 
     check_can.py /dev/pts/N
 
-The adapter (slcan) at this path must have the hand of crates/robot/tests/drivers/can.rs behind it. The script asks
-for the information and the serial number, starts the position stream, drives the middle finger's proximal
-joint and sees it move.
+The adapter (slcan) at this path must have the hand of crates/emulators/tests/can.rs behind it. The
+script asks for the information and the serial number, starts the position stream, drives the middle
+finger's proximal joint and sees it move.
 """
 
 import struct
@@ -18,7 +18,8 @@ VERSION = "4.6.1"
 ON, OFF, PERIODS, INFORMATION, SERIAL = 0x100, 0x104, 0x204, 0x200, 0x220
 POSITION, TORQUE, TEMPERATURE = 0x080, 0x180, 0x0E0
 RAD_PER_COUNT = 333.3 / 65536 * 3.141592653589793 / 180
-# Slower than the hand's usual 3 ms: python-can reads byte by byte, and must keep up on a busy machine.
+# Slower than the hand's usual 3 ms: python-can reads byte by byte, and must keep up on a busy
+# machine.
 PERIOD_MS = 10
 PATIENCE_SECS = 20.0
 MIDDLE = 1

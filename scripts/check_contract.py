@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Checks what a model of `etude export onnx` says about itself on a performance of the same policy in mode real.
+"""Checks the contract in a model of `etude export onnx` on a performance of its policy, mode real.
 
     check_contract.py MODEL.onnx RECORDING.mcap
 
-From the model's own description and from what the recording says of joints and keys alone it computes each observation, the action (by ONNX
-Runtime) and the joint targets. They must be those that Étude recorded.
+From the model's own description and from what the recording says of joints and keys alone it
+computes each observation, the action (by ONNX Runtime) and the joint targets. They must be those
+that Étude recorded.
 """
 
 import json
@@ -88,7 +89,7 @@ class Contract:
         return row
 
     def observe(self, step, readings, actions, pitches):
-        """The observation: `readings` and `actions` with the newest first, and the pitches of the keys that sound."""
+        """The observation: `readings` and `actions` with the newest first, `pitches` that sound."""
         keys = lambda pitches: [pitch - self.observation["lowest_pitch"] for pitch in pitches]
         due = lambda step: keys(self.all["due"][step]) if step < len(self.all["due"]) else []
         compute = {
@@ -126,7 +127,8 @@ def main(path, recording):
     contract, session = Contract(path), onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
     steps, chosen, sent = read(recording)
     worst = np.zeros(3)
-    # Before the third step there is nothing to compare: no step has ended whose joints are two steps old.
+    # Before the third step there is nothing to compare: no step has ended whose joints are two
+    # steps old.
     for step in range(2, len(chosen)):
         readings = [steps[step - ago]["positions"] for ago in (1, 2)]
         if contract.all["task"].get("rail_set_point"):

@@ -3,8 +3,8 @@
 
     check_cut_recordings.py FILE...
 
-Seeking and non-seeking reader must find the same messages in each, the header among them. Prints the number of messages and the
-last publish time (s) of each file, as JSON.
+Seeking and non-seeking reader must find the same messages in each, the header among them. Prints
+the number of messages and the last publish time (s) of each file, as JSON.
 """
 
 import json

@@ -1,5 +1,5 @@
-"""Checks that relative links in Markdown lead to files and, where they name a heading, to that heading, and that the contents of a book
-(SUMMARY.md in a folder) lead to each of its pages: check_links.py FILE|FOLDER…"""
+"""Checks that relative links in Markdown lead to files and headings, and that the contents of a
+book (SUMMARY.md in a folder) lead to each of its pages: check_links.py FILE|FOLDER…"""
 
 import re
 import sys

@@ -3,9 +3,10 @@
 
     check_model.py MODEL.xml TRACE
 
-TRACE has one line of numbers for the start and one for each physics step: the torques in the order of the model's
-actuators, then all joint positions after the step (the start line's torques count for nothing). Written by
-crates/stage/tests/stage/exported.rs. It shows that the model which Étude exports needs nothing of Étude to run.
+TRACE has one line of numbers for the start and one for each physics step: the torques in the order
+of the model's actuators, then all joint positions after the step (the start line's torques count
+for nothing). Written by crates/stage/tests/stage/exported.rs. It shows that the model which Étude
+exports needs nothing of Étude to run.
 """
 
 import sys

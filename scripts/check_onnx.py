@@ -3,8 +3,8 @@
 
     check_onnx.py MODEL.onnx OBSERVATIONS ACTIONS
 
-The two files hold little-endian f32: rows of observations, and the actions that Étude's own policy gives for them. The
-model must give the same to 1e-5, one row at a time and all at once.
+The two files hold little-endian f32: rows of observations, and the actions that Étude's own policy
+gives for them. The model must give the same to 1e-5, one row at a time and all at once.
 """
 
 import json

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Checks the files of `etude play` with other libraries: the scores with scikit-learn, the recording with mcap.
+"""Checks the files of `etude play`: the scores with scikit-learn, the recording with mcap.
 
     check_performance.py DIR
 
-From frames.csv the paper's precision, recall and F1 (the binary figures of each control step, 1 where they are 0/0,
-averaged) and the pooled ones are computed again and compared with report.json. recording.mcap must hold one header, one
-message a control step, and the same keys due and pressed as frames.csv.
+From frames.csv the paper's precision, recall and F1 (the binary figures of each control step, 1
+where they are 0/0, averaged) and the pooled ones are computed again and compared with report.json.
+recording.mcap must hold one header, one message a control step, and the same keys due and pressed
+as frames.csv.
 """
 
 import csv

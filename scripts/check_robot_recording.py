@@ -3,10 +3,10 @@
 
     check_robot_recording.py DIR
 
-run-1.mcap is read by the mcap package: one header, one `/step` and one `/policy` a control step, set-points every 5 ms,
-periods of the hand every 3 ms, reports of the arm every 10 ms. What was sent must keep the limits of the rig's file, taken
-as differences of the recording, and no PWM may exceed the table of the v4 hand. The paper's F1 of run-1.csv is computed
-again by scikit-learn.
+run-1.mcap is read by the mcap package: one header, one `/step` and one `/policy` a control step,
+set-points every 5 ms, periods of the hand every 3 ms, reports of the arm every 10 ms. What was sent
+must keep the limits of the rig's file, taken as differences of the recording, and no PWM may exceed
+the table of the v4 hand. The paper's F1 of run-1.csv is computed again by scikit-learn.
 """
 
 import csv

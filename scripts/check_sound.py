@@ -1,7 +1,8 @@
 """Checks the sound of a performance with librosa's onset detector: check_sound.py FOLDER…
 
-A folder is one that `etude play` wrote. The onsets that librosa hears in performance.wav must be those that it hears in
-reference.wav, and these must be the onsets that were due (mir_eval's F-measure, 50 ms).
+A folder is one that `etude play` wrote. The onsets that librosa hears in performance.wav must be
+those that it hears in reference.wav, and these must be the onsets that were due (mir_eval's
+F-measure, 50 ms).
 """
 
 import csv

@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Solves a problem of crates/identify with MuJoCo's own system identification toolbox and compares the answers.
+"""Compares crates/identify with MuJoCo's own system identification toolbox on one problem.
 
     cargo run --release -p etude-identify --example outside -- FOLDER
     scripts/check_sysid.py [--venv] FOLDER
 
-The example writes the problem and our answer into FOLDER. The toolbox (`mujoco.sysid`) gets the same model, references,
-readings, start and bounds, and makes models, rollouts, slopes, steps and intervals itself. Prints Markdown; exits with 1 if
-the answers differ. `--venv` puts what the toolbox needs into a throw-away virtual environment first (SYSID_VENV names its
-folder, /tmp/venv-sysid if not set) and runs there. Measured: benches/sysid-check.md.
+The example writes the problem and our answer into FOLDER. The toolbox (`mujoco.sysid`) gets the
+same model, references, readings, start and bounds, and makes models, rollouts, slopes, steps and
+intervals itself. Prints Markdown; exits with 1 if the answers differ. `--venv` puts what the
+toolbox needs into a throw-away virtual environment first (SYSID_VENV names its folder,
+/tmp/venv-sysid if not set) and runs there. Measured: benches/sysid-check.md.
 """
 
 import contextlib
@@ -26,13 +27,15 @@ PACKAGES = [
 
 # The model with the true numbers must do what our simulator did, rad.
 SAME_MOTION = 1e-9
-# Largest difference of the answers, in standard errors, and of their costs: a step of that size costs half its square.
+# Largest difference of the answers, in standard errors, and of their costs: a step of that size
+# costs half its square.
 SAME_VALUE = 0.1
 SAME_COST = 0.5 * SAME_VALUE**2
 # Factor between the standard errors.
 SAME_ERROR = 1.25
 
-# The toolbox's optimisers: its default, the same with the scaling that it advises for ill-conditioned problems, and SciPy's.
+# The toolbox's optimisers: its default, the same with the scaling that it advises for
+# ill-conditioned problems, and SciPy's.
 WAYS = {
     "toolbox, `mujoco` (default)": {},
     "toolbox, `mujoco`, `x_scale=\"jac\"`": {"x_scale": "jac"},
@@ -125,8 +128,9 @@ class Problem:
         )
 
     def compare(self, parameters, predicted, measured, model, return_all, *, state):
-        """Residuals in standard deviations of the noise. Of the states, which are those after each step: what a sensor
-        of a joint's position gives in a rollout is its reading before the step."""
+        """Residuals in standard deviations of the noise. Of the states, which are those after each
+        step: what a sensor of a joint's position gives in a rollout is its reading before the
+        step."""
         self.replays += 1
         predicted = sysid.TimeSeries(state[:, 0], state[:, self.fitted], measured.signal_mapping)
         return (predicted.data - measured.data) / self.problem["noise_rad"], predicted, measured
@@ -141,7 +145,7 @@ class Problem:
         return 0.5 * float(sum((r**2).sum() for r in residuals))
 
     def furthest_from_ours(self):
-        """Difference between stock MuJoCo's motion with the true numbers and that of our simulator, rad, and the most contacts."""
+        """Difference of stock MuJoCo's motion and our simulator's, rad, and the most contacts."""
         truth, spec = self.parameters.copy(), self.spec.copy()
         truth.update_from_vector(np.array([row["truth"] for row in self.problem["parameters"]]))
         model = sysid.apply_param_modifiers(truth, spec)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reads a TensorBoard event file with TensorBoard's own reader and compares it with the metrics.jsonl beside it.
+"""Compares a TensorBoard event file, by TensorBoard's own reader, with metrics.jsonl beside it.
 
     python3 -m venv /tmp/venv-learn && /tmp/venv-learn/bin/pip install tensorboard
     /tmp/venv-learn/bin/python scripts/check_tfevents.py RUN_FOLDER

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""UFACTORY's own client against the emulator of the arm: connects, moves, streams, reads back, sees errors.
+"""UFACTORY's own client against the emulator of the arm: moves, streams, reads back, sees errors.
 
     check_xarm.py COMMAND-PORT NORMAL-PORT RICH-PORT REAL-PORT
 
-The ports are those of an emulator on this machine, where the client expects 502, 30001, 30002 and 30003. A line
-"inject CODE" on standard output asks whoever serves the emulator to raise that error. Exits with 1 if anything differs.
+The ports are those of an emulator on this machine, where the client expects 502, 30001, 30002 and
+30003. A line "inject CODE" on standard output asks whoever serves the emulator to raise that error.
+Exits with 1 if anything differs.
 """
 
 import math

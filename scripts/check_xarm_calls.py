@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Every call of UFACTORY's own client that a user of the arm makes, against the emulator of the arm.
+"""Every call of UFACTORY's own client that a user makes, against the emulator of the arm.
 
     check_xarm_calls.py COMMAND-PORT NORMAL-PORT RICH-PORT REAL-PORT
 
-The ports are as for check_xarm.py. One line a call: whether it answers as a real controller does, its name, its code and its
-value. Codes that are expected beside 0: 1 for an accessory that is not there, at which the controller raises error 19 (flange)
-or 111 (control box); 9 for a move in a mode that does not take it; 31, the client's own, for a file that is not there. A call
-that differs, or for which no source tells the answer of a real controller, names the reason. Exits with 1 if a call raises, if
-one differs without a reason, or if fewer than 120 methods agree in all their calls.
+The ports are as for check_xarm.py. One line a call: whether it answers as a real controller does,
+its name, its code and its value. Codes that are expected beside 0: 1 for an accessory that is not
+there, at which the controller raises error 19 (flange) or 111 (control box); 9 for a move in a mode
+that does not take it; 31, the client's own, for a file that is not there. A call that differs, or
+for which no source tells the answer of a real controller, names the reason. Exits with 1 if a call
+raises, if one differs without a reason, or if fewer than 120 methods agree in all their calls.
 """
 
 import os
@@ -46,7 +47,7 @@ def main(ports):
     wait(lambda: near(arm.angles, HOME, 0.01))
 
     def call(name, *args, want=0, value=None, differs=None, **options):
-        """Calls a method, and holds its code and the value that it returns against what a real controller gives."""
+        """Compares the code and the value of a call with what a real controller gives."""
         try:
             answer = getattr(arm, name)(*args, **options)
         except Exception as error:

@@ -5,9 +5,10 @@
     /tmp/venv-identify/bin/pip install numpy==2.4.6 scipy==1.17.1
     /tmp/venv-identify/bin/python scripts/golden_identify.py
 
-Writes crates/identify/tests/golden/fits.json. `least_squares`: three problems with their data, the optimum that SciPy's
-trust-region method finds within the bounds, its cost, and the covariance there from slopes measured to high order, as if
-there were no bounds. Everything is drawn from fixed seeds; a second run writes the same bytes.
+Writes crates/identify/tests/golden/fits.json. `least_squares`: three problems with their data, the
+optimum that SciPy's trust-region method finds within the bounds, its cost, and the covariance there
+from slopes measured to high order, as if there were no bounds. Everything is drawn from fixed
+seeds; a second run writes the same bytes.
 """
 
 import json
@@ -27,7 +28,7 @@ def decay(x, case):
 
 
 def oscillate(x, step_secs, steps):
-    """Positions of a damped oscillator released at 1, after each step of the classical Runge-Kutta method."""
+    """Positions of a damped oscillator released at 1, by the classical Runge-Kutta method."""
     stiffness, damping, cubic = x
     slope = lambda p, v: (v, -stiffness * p - damping * v - cubic * p**3)
     p, v, places, h = 1.0, 0.0, [], step_secs
@@ -48,7 +49,7 @@ def oscillator(x, case):
 
 
 def rosenbrock_residuals(x, case):
-    """The chained valley, with a pull of each coordinate to -1 that leaves residuals at the optimum."""
+    """The chained valley, with a pull of each coordinate to -1: residuals at the optimum."""
     steep = [10 * (x[i + 1] - x[i] ** 2) for i in range(len(x) - 1)]
     flat = [1 - x[i] for i in range(len(x) - 1)]
     return np.array(steep + flat + [case["pull"] * (value + 1) for value in x])
@@ -85,7 +86,7 @@ def solved(name, function, case, start, bounds):
 def least_squares_cases():
     random = np.random.default_rng(5)
     times = np.linspace(0, 4, 60)
-    # The offset that was drawn with is below its lower bound, so the bound is active at the optimum.
+    # The true offset is below its lower bound, so the bound is active at the optimum.
     clean = 2.0 * np.exp(-0.9 * times) - 0.1
     decaying = {"times_secs": times.tolist(), "noise": 0.05}
     decaying["data"] = (clean + 0.05 * random.normal(size=len(times))).tolist()

@@ -5,10 +5,11 @@
     /tmp/venv-learn/bin/pip install torch numpy safetensors
     /tmp/venv-learn/bin/python scripts/golden_learn.py
 
-Writes crates/learn/tests/golden/{plain,dropout}.safetensors: parameters before, one batch per update, the noise and
-(dropout) the masks of every pass, and what PyTorch's autograd and Adam make of them: losses and gradients of the first
-update, parameters and targets after the first and after the last. The networks are computed in double precision, so that
-the numbers are exact for a test in single precision. Everything is drawn from fixed seeds; run twice, same bytes.
+Writes crates/learn/tests/golden/{plain,dropout}.safetensors: parameters before, one batch per
+update, the noise and (dropout) the masks of every pass, and what PyTorch's autograd and Adam make
+of them: losses and gradients of the first update, parameters and targets after the first and after
+the last. The networks are computed in double precision, so that the numbers are exact for a test in
+single precision. Everything is drawn from fixed seeds; run twice, same bytes.
 """
 
 import math
@@ -35,7 +36,8 @@ def layer_sizes(inputs, outputs):
 
 
 def make_network(generator, inputs, outputs, normalised):
-    """Parameters by name; weights [inputs, outputs]. Biases and norms are random too, so that no gradient is hidden."""
+    """Parameters by name; weights [inputs, outputs]. Biases and norms are random too, so that no
+    gradient is hidden."""
     hidden, head = layer_sizes(inputs, outputs)
     normal = lambda *shape: torch.tensor(generator.normal(size=shape).astype(np.float32), dtype=torch.float64)
     parameters = {}

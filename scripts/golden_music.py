@@ -5,9 +5,9 @@
     /tmp/venv-music/bin/pip install scikit-learn==1.9.1 mir_eval==0.8.2 mido==1.3.3 numpy==2.4.6
     /tmp/venv-music/bin/python scripts/golden_music.py
 
-It writes crates/music/tests/golden/: `metrics.json` (scikit-learn and mir_eval), `rolls.json` (RoboPianist's
-piano-roll rules in exact fractions) and `midi.json` with the files in `midi/` (times by mido). Seeds are fixed:
-running it again changes nothing, unless a package changed its mind.
+It writes crates/music/tests/golden/: `metrics.json` (scikit-learn and mir_eval), `rolls.json`
+(RoboPianist's piano-roll rules in exact fractions) and `midi.json` with the files in `midi/` (times
+by mido). Seeds are fixed: running it again changes nothing, unless a package has changed.
 """
 
 import json
@@ -27,7 +27,7 @@ KEY_COUNT, LOWEST, PERCUSSION = 49, 36, 9
 OUT = Path(__file__).resolve().parent.parent / "crates" / "music" / "tests" / "golden"
 
 
-# ---------------------------------------------------------------------------------------- scores by frame
+# ---- scores by frame
 
 
 def bits(keys):
@@ -66,7 +66,7 @@ def frame_cases():
     return cases
 
 
-# ----------------------------------------------------------------------------------------- scores by note
+# ---- scores by note
 
 
 def mir_arrays(notes):
@@ -154,11 +154,12 @@ def velocity_cases():
     return cases
 
 
-# --------------------------------------------------------------------------------------------- piano rolls
+# ---- piano rolls
 
 
 def roll(notes, total, hz):
-    """RoboPianist's rules (music/midi_file.py, music/piano_roll.py) in fractions, for which int() and ceil() are exact."""
+    """RoboPianist's rules (music/midi_file.py, music/piano_roll.py) in fractions, for which int()
+    and ceil() are exact."""
     frames = [set() for _ in range(int(total * hz + 1))]
     onsets = [set() for _ in frames]
     for pitch, start, end in notes:
@@ -191,7 +192,7 @@ def roll_cases():
     return cases
 
 
-# -------------------------------------------------------------------------------------------- MIDI files
+# ---- MIDI files
 
 
 def on(pitch, velocity=64, time=0, channel=0):
@@ -213,7 +214,7 @@ def midi_file(format, ppq, *tracks):
 
 
 def seconds_by_tick(file):
-    """mido's own conversion, by walking its merged playback in ticks and in seconds side by side."""
+    """mido's own conversion: its merged playback in ticks and in seconds side by side."""
     table, tick, secs = {0: 0.0}, 0, 0.0
     for in_ticks, in_secs in zip(mido.merge_tracks(file.tracks), file):
         tick += in_ticks.time
@@ -244,7 +245,7 @@ def expected_notes(tracks, secs):
         same = [note for note in notes if note[0] == pitch]
         onsets = sorted({note[2] for note in same})
         for i, onset in enumerate(onsets):
-            # The key is down from here while any note that began so far still asks for it, until the next stroke.
+            # The key is down while any note that began so far lasts, until the next onset.
             end = max(note[3] for note in same if note[2] <= onset)
             end = min(end, onsets[i + 1]) if i + 1 < len(onsets) else end
             velocity = max(note[1] for note in same if note[2] == onset)

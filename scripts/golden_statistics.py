@@ -1,4 +1,4 @@
-"""Statistics of scores by other packages: rliable's stratified bootstrap for whole matrices, SciPy for one stratum.
+"""Statistics of scores by rliable (stratified bootstrap) and SciPy (one stratum).
 
     pip install rliable==1.2.0 "pandas<3" scipy numpy
     python scripts/golden_statistics.py > crates/experiment/tests/golden/statistics.json

@@ -1,8 +1,9 @@
-"""Builds the Python package as a wheel, installs it into a separate virtual environment, and runs its tests there.
+"""Builds the Python package as a wheel, installs it into a virtual environment, and tests it there.
 
-    python_package.py wheel     an optimised wheel in target/wheels
-    python_package.py test      a wheel in target/wheels-test, installed into .venv; its types, and python/tests
-    python_package.py sb3       the tests that need Stable-Baselines3 and SBX: six gigabytes in target/venv-sb3, which is removed
+    python_package.py wheel  an optimised wheel in target/wheels
+    python_package.py test   a wheel in target/wheels-test, in .venv; types and python/tests
+    python_package.py sb3    the tests that need Stable-Baselines3 and SBX: six gigabytes in
+                             target/venv-sb3, which is removed
 
 Safe to repeat; `.venv` is made anew when the packages that it should hold have changed.
 """
@@ -48,7 +49,8 @@ def make_venv():
 
 def build(out, *options, python=PYTHON):
     shutil.rmtree(out, ignore_errors=True)
-    # Not a manylinux wheel: the library that it needs is in the package `mujoco`, which auditwheel does not know.
+    # Not a manylinux wheel: the library that it needs is in the package `mujoco`, which auditwheel
+    # does not know.
     run(
         python, "-m", "maturin", "build", "--manifest-path", ROOT / "python" / "Cargo.toml", "--locked", "--out", out,
         "--compatibility", "linux", "--auditwheel", "skip", "--interpreter", python, *options, cwd=ROOT,

@@ -1,4 +1,4 @@
-"""Installs the Python packages that the tests compare with into .python/, pinned. Safe to repeat."""
+"""Installs the pinned Python packages that the tests compare with into .python/. Safe to repeat."""
 
 import pathlib
 import shutil

@@ -1,6 +1,6 @@
 """Draws due and played keys, from the frames.csv of `etude play`: roll.py frames.csv > roll.svg
 
-Right is filled, missed is an outline, wrong is hatched, so that the three differ without colours too.
+Right is filled, missed is an outline, wrong is hatched, so that they differ without colours.
 """
 
 import csv

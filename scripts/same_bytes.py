@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Checks that two builds of `etude` do the same: `scripts/same_bytes.py BEFORE AFTER [--songs NAME...]`.
+"""Checks that two builds of `etude` do the same: same_bytes.py BEFORE AFTER [--songs NAME...].
 
-Both play every built-in song with its shipped policy, in simulation and in the three execution modes on the twin, and
-train shortly with every preset. Every message of every recording must be the same,
-byte for byte, except `/header`; so must every file of a checkpoint. Prints what differs and exits with 1 then.
+Both play every built-in song with its shipped policy, in simulation and in the three execution
+modes on the twin, and train shortly with every preset. Every message of every recording must be the
+same, byte for byte, except `/header`; so must every file of a checkpoint. Prints what differs and
+exits with 1 then.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Puts MuJoCo into .mujoco/ from its pinned Python wheel, hash checked. Needs only Python 3 and pip; safe to repeat."""
+"""Puts MuJoCo into .mujoco/ from its pinned Python wheel, hash checked. Safe to repeat."""
 
 import os
 import pathlib
@@ -67,7 +67,8 @@ def main():
         return
     if subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True).returncode != 0:
         fail("this Python has no pip; install it (Debian, Ubuntu: apt-get install -y python3-pip), then run `make setup` again")
-    # Written beside the target and then renamed, so that an interrupted set-up leaves no incomplete folder.
+    # Written beside the target and then renamed, so that an interrupted set-up leaves no incomplete
+    # folder.
     with tempfile.TemporaryDirectory(dir=ROOT, prefix=".mujoco-") as scratch:
         scratch = pathlib.Path(scratch)
         wheel = download(scratch)

@@ -1,5 +1,6 @@
-//! Lets this crate's executables find MuJoCo at run time: beside an installed binary, else where `make setup` put it; and lists
-//! the files of `configs/experiments`, so that an experiment is added by adding its file.
+//! Lets this crate's executables find MuJoCo at run time: beside an installed binary, else where
+//! `make setup` put it; and lists the files of `configs/experiments`, so that an experiment is
+//! added by adding its file.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -8,7 +8,7 @@ Every built-in song is registered under its name (`etude.SONGS`), any MIDI file 
 """
 
 import gymnasium
-import mujoco  # noqa: F401  Loads the library that the extension needs, wherever it is installed.
+import mujoco  # noqa: F401  Loads the library that the extension needs.
 
 from ._native import CONTROL_HZ, EtudeError, __version__
 from ._native import songs as _songs

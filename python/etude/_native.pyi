@@ -1,4 +1,5 @@
-"""The native part; `n` environments, `o` columns of an observation, `a` of an action, `t` reward terms."""
+"""The native part; `n` environments, `o` columns of an observation, `a` of an action, `t` reward
+terms."""
 
 from typing import final
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import secrets
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import gymnasium
@@ -22,14 +23,19 @@ Observation = NDArray[np.float32]
 class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """A song, played once an episode, at 20 control steps a second.
 
-    The action has a target for each of the twelve finger joints that move and for the rail, −1 to 1 of the range from `action_low` to
-    `action_high` (rad, the rail in m); the rail's is the part of the keyboard that the song needs, so it differs between songs. With
-    `fingering` it is `rail_range` (0.04 m) to either side of the planned place, and with `finger_range` those of the fingers are around
-    the planned pose (`action_low` and `action_high` are those of the first step). The observation has the joints, those of one step ago, the 49 keys that sound, and the 49 keys that are due now and in each of
-    the next five steps. The episode ends with the song, which is a truncation: nothing ends for good. `info` has
-    `reward_terms` (the weighted parts of the reward), `collided`, and the paper's `precision`, `recall` and `f1` of the song
-    so far. The finger joints are scaled by their range to −1 … 1, and the rail is in white keys from the middle.
-    `previous_actions`, `fingering` and `velocities` add columns between the joints and the keys (docs/algorithm.md has the tables).
+    An action has a target for each of the twelve finger joints that move and for the rail: −1 to 1
+    of the range from `action_low` to `action_high` (rad, the rail in m). The rail's range is the
+    part of the keyboard that the song needs, so it differs between songs. With the options
+    `fingering` and `finger_range` the ranges are around the planned rail position and pose;
+    `action_low` and `action_high` are then those of the first step.
+
+    An observation has the joints, those of one step ago, the 49 keys that sound, and the 49 keys
+    that are due now and in each of the next five steps. Finger joints are scaled by their range to
+    −1 … 1, and the rail is in white keys from the middle. The options `previous_actions`,
+    `fingering` and `velocities` add columns (docs/algorithm.md has the tables).
+
+    The episode ends with the song, which is a truncation. `info` has `reward_terms` (the weighted
+    terms of the reward), `collided`, and `precision`, `recall` and `f1` of the song so far.
     Environments are not copied or pickled: build another one and give it `get_state()`.
 
     Args:
@@ -37,12 +43,14 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         render_mode: `rgb_array` draws off-screen (EGL), `human` opens MuJoCo's window.
         width: Pixels of a picture.
         height: Pixels of a picture.
-        view: Where the camera stands in pictures: `player`, `side`, `top` or `fingers`. The window of `human` has a camera and a size of its
-            own, and shows the world without randomisation.
-        task: The keywords of `etude.task.task_config`: variant, observation, reward, fences, actuation, randomisation.
+        view: Where the camera stands in pictures: `player`, `side`, `top` or `fingers`. The window
+            of `human` has its own camera and size, and shows the world without randomisation.
+        preset: The task of this preset, see `etude.task.task_config`.
+        options: Values of the task by path, `{"stage.fences": False}`.
+        config: The task of a policy, `policy.task`, instead of preset and options.
 
     Raises:
-        EtudeError: If the song or a keyword cannot be used.
+        EtudeError: If the song, a path or a value cannot be used.
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 20}
@@ -55,11 +63,13 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         width: int = 640,
         height: int = 480,
         view: str = "player",
-        **task: Any,
+        preset: str = "paper",
+        options: Mapping[str, Any] | None = None,
+        config: Mapping[str, Any] | None = None,
     ):
         check_rendering(render_mode, self.metadata, width, height, view)
         self.render_mode = render_mode
-        self._task = task_config(**task)
+        self._task = task_config(preset, options, config)
         self._native = Pianos(os.fspath(song), self._task, 1, 1)
         self._picture = (width, height, view)
         self._window: Window | None = None
@@ -81,8 +91,8 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Restarts the song. A seed, 0 to 2⁶⁴ − 1, determines all later random draws (of the randomised worlds). If the first reset
-        has none, `np_random_seed` is the one that was drawn.
+        """Restarts the song. A seed, 0 to 2⁶⁴ − 1, determines all later random draws (of the
+        randomised worlds). If the first reset has none, `np_random_seed` is the one that was drawn.
         """
         if seed is None and not self._begun:
             seed = secrets.randbits(62)
@@ -117,7 +127,8 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._native.state(0)
 
     def set_state(self, state: bytes) -> Observation:
-        """Continues from `get_state` of this environment, or of another one of the same song and task.
+        """Continues from `get_state` of this environment, or of another one of the same song and
+        task.
 
         Returns:
             The observation there.

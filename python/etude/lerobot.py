@@ -2,10 +2,11 @@
 
     python -m etude.lerobot out/twinkle … -o dataset
 
-An episode is a recording, a frame a control step. `observation.state` are the joints as the step began, `observation.keys` the keys
-that sounded then, `observation.due` those due in it, `action` the targets that were chosen, `next.reward` what the step
-earned (of simulations), `next.done` whether the song ended with it. Recordings hold what a step has led to: their first
-step has nothing before it, and is no frame. Rad, the rail in m.
+An episode is a recording, a frame a control step. `observation.state` are the joints as the step
+began, `observation.keys` the keys that sounded then, `observation.due` those due in it, `action`
+the targets that were chosen, `next.reward` what the step earned (of simulations), `next.done`
+whether the song ended with it. Recordings hold what a step has led to: their first step has nothing
+before it, and is no frame. Rad, the rail in m.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ Columns = dict[str, np.ndarray]
 
 def _frames(recording: Recording) -> Columns:
     """The frames of an episode, `[frames]` or `[frames, width]` each."""
-    # In recordings of a robot the targets of a step are the last waypoints; the chosen targets have a separate topic.
+    # In recordings of a robot the targets of a step are the last waypoints; the chosen targets have
+    # a separate topic.
     chosen = recording.topics.get("/target", {"targets": recording["targets"]})["targets"]
     rewards = recording.rewards
     # A recording that was cut short may end between the messages of a step.
@@ -105,10 +107,10 @@ def _files(sizes: Iterable[int]) -> Iterator[tuple[int, int]]:
 def export_dataset(
     recordings: Iterable[str | os.PathLike[str]], folder: str | os.PathLike[str], *, robot_type: str = "allegro_xarm7"
 ) -> pathlib.Path:
-    """Writes recordings as a LeRobot dataset into `folder`, which must not exist yet; whole or not at all.
+    """Writes recordings as a LeRobot dataset into `folder`, which must not exist; all or nothing.
 
     Raises:
-        EtudeError: If there is nothing to write, a recording cannot be used, or the folder exists already.
+        EtudeError: If there is nothing to write, a recording cannot be used, or the folder exists.
     """
     folder = pathlib.Path(folder)
     if folder.exists():

@@ -11,7 +11,7 @@ from ._native import EtudeError, Pianos, check_picture
 
 
 def check_rendering(mode: str | None, metadata: dict[str, Any], width: int, height: int, view: str) -> None:
-    """Refuses a render mode that the environment does not have, and pictures that cannot be drawn."""
+    """Refuses an unknown render mode, and pictures that cannot be drawn."""
     if mode is not None and mode not in metadata["render_modes"]:
         raise EtudeError(f"render_mode must be one of {metadata['render_modes']}, not {mode!r}")
     check_picture(width, height, view)

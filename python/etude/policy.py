@@ -54,7 +54,8 @@ class Policy:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Mean and logarithm of the deviation of the action before `tanh`, `[…, action]` each.
 
-        The learner explores with the logarithm clipped to `droq.log_std_bounds` of its configuration, by default −20 to 2.
+        The learner explores with the logarithm clipped to `droq.log_std_bounds` of its
+        configuration, by default −20 to 2.
         """
         x = np.asarray(observation, np.float32)
         if x.shape[-1:] != self.weights[0].shape[:1]:
@@ -69,7 +70,8 @@ class Policy:
 
     @property
     def task(self) -> dict[str, Any]:
-        """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training, without randomness."""
+        """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training,
+        without randomness."""
         try:
             trained = self.header["notes"]["training"]["config"]["task"]
         except (KeyError, TypeError) as error:
@@ -112,7 +114,8 @@ def _find(song_or_path: str | os.PathLike[str]) -> pathlib.Path:
 
 
 def load_policy(song_or_path: str | os.PathLike[str]) -> Policy:
-    """The shipped policy of a built-in song, or that of a file or of a run's folder; for a MIDI file the sight-reader.
+    """The shipped policy of a built-in song, or that of a file or of a run's folder; for a MIDI
+    file the sight-reader.
 
     Raises:
         EtudeError: If there is none, or the file is not a policy.

@@ -1,4 +1,4 @@
-"""Recordings (MCAP) of `etude play`, `perform`, `record` and `rehearse` as arrays; needs `mcap`, frames need `pandas`."""
+"""Recordings (MCAP) of `etude` as arrays; needs `mcap`, frames need `pandas`."""
 
 from __future__ import annotations
 
@@ -28,13 +28,15 @@ class Recording:
     """What was played.
 
     Attributes:
-        header: `song`, `player`, `rig`, `activity` (`kind`: simulation, mode, excitation or rest; `name`: of the execution mode or the
-            excitation), `joints`, `due` (the keys due at each control step), `late_secs` (see `heard`), `bar_secs`, `run` (the configuration of the player's run),
-            `corrected` (whether a correction was added to the robot's set-points), `rig_config` (the rig's file), `schema` (version of the messages, 2).
-        topics: The messages of each topic, a column a field. Numbers come as arrays, `[messages, …]`; values whose length differs
-            from message to message come as an array of objects. `log_secs` is the time of each message, s. Units are those of the
-            recording: rad, N·m and s, the rail in m and N.
-        incomplete: What is wrong at the end of the file if it was cut short; else None.
+        header: `song`, `player`, `rig`, `activity` (`kind`: simulation, mode, excitation or rest;
+            `name`: of the execution mode or the excitation), `joints`, `due` (the keys due at each
+            control step), `late_secs` (see `heard`), `bar_secs`, `run` (the configuration of the
+            player's run), `corrected` (whether a correction was added to the robot's set-points),
+            `rig_config` (the rig's file), `schema` (version of the messages, 2).
+        topics: The messages of each topic, a column a field. Numbers come as arrays,
+            `[messages, …]`; values whose length differs from message to message come as an array of
+            objects. `log_secs` is the time of each message, s. Units are those of the recording:
+            rad, N·m and s, the rail in m and N.
     """
 
     header: dict[str, Any]
@@ -45,7 +47,7 @@ class Recording:
         return len(self.topics.get("/step", {}).get("step", ()))
 
     def __getitem__(self, field: str) -> NDArray[Any]:
-        """A field of the control steps: `targets`, `positions`, `velocities`, `torques`, `fingertips`, …"""
+        """A field of the control steps: `targets`, `positions`, `velocities`, `torques`, …"""
         steps = self.topics.get("/step", {})
         if field not in steps:
             raise KeyError(f"{field}: a control step has {', '.join(steps) or 'nothing here'}")
@@ -63,8 +65,9 @@ class Recording:
 
     @property
     def heard(self) -> NDArray[np.bool_]:
-        """Keys that F1 compares with those that are due, `[steps, 49]`: in simulation those at the end of each control step, on a robot those
-        `late_secs` of the header later, because its plan leads."""
+        """Keys that F1 compares with those that are due, `[steps, 49]`: in simulation those at the
+        end of each control step, on a robot those `late_secs` of the header later, because
+        commands are sent early."""
         late_secs = self.header.get("late_secs")
         if late_secs is None:
             return self.pressed
@@ -84,7 +87,8 @@ class Recording:
         return {name: np.array([term[name] for term in terms]) for name in names}
 
     def frame(self, topic: str = "/step") -> pandas.DataFrame:
-        """A topic as a pandas frame, a row a message, a column a number: `positions_<joint>` of what each joint has, `…_0`, … of other lists."""
+        """A topic as a pandas frame, a row a message, a column a number: `positions_<joint>` of
+        what each joint has, `…_0`, … of other lists."""
         import pandas
 
         columns: dict[str, Any] = {}

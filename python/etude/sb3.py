@@ -17,9 +17,10 @@ from .vector import PianoVectorEnv
 class PianoVecEnv(VecEnv):
     """A `PianoVectorEnv` in Stable-Baselines3's idiom.
 
-    The infos have `collided`, `reward_terms`, and `precision`, `recall` and `f1` of the song so far; those of an episode's last step also `terminal_observation`, `TimeLimit.truncated`
-    (always true: the song is over, and the learner bootstraps on) and `episode` with return `r` and length `l`, which the
-    algorithms log, and the same scores. Options of a reset are not known here.
+    The infos have `collided`, `reward_terms`, and `precision`, `recall` and `f1` of the song so
+    far; those of an episode's last step also `terminal_observation`, `TimeLimit.truncated` (always
+    true: the song is over, and the learner bootstraps on) and `episode` with return `r` and length
+    `l`, which the algorithms log, and the same scores. Options of a reset are not known here.
 
     Args:
         num_envs: How many environments.
@@ -92,7 +93,7 @@ class PianoVecEnv(VecEnv):
         raise AttributeError(f"{attr_name} cannot be set: the environments are built with their keywords")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **keywords: Any) -> list[Any]:
-        """Calls a method that takes the index of an environment first, `get_state` or `set_state`."""
+        """Calls `get_state` or `set_state`, which take the index of an environment first."""
         method = getattr(self.envs, method_name)
         return [method(index, *args, **keywords) for index in self._get_indices(indices)]
 

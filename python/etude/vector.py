@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import gymnasium
@@ -25,26 +25,29 @@ def _cores() -> int:
 
 
 class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
-    """`num_envs` environments of one song that step together, over threads and without the interpreter's lock.
+    """`num_envs` environments of one song that step together, over threads and without the GIL.
 
-    An episode that ends begins again in the same step (`AutoresetMode.SAME_STEP`): `info["final_obs"]` and
-    `info["final_info"]` have what it ended with. Environment `i` of `reset(seed=s)` sees what a `PianoEnv` sees that is reset
-    with the seed `s + i`, byte for byte, however many threads there are. Actions and observations are those of `PianoEnv`.
+    An episode that ends begins again in the same step (`AutoresetMode.SAME_STEP`):
+    `info["final_obs"]` and `info["final_info"]` have what it ended with. Environment `i` of
+    `reset(seed=s)` observes what a `PianoEnv` observes after `reset(seed=s + i)`, byte for byte,
+    however many threads there are. Actions and observations are those of `PianoEnv`.
 
     Args:
         num_envs: How many.
         song: A built-in song (`etude.SONGS`) or the path of a MIDI file.
         threads: How many to use; one a core if not given, and never more than environments.
-        copy: Whether arrays that are returned are the caller's to keep; otherwise the next step overwrites them, and no other thread may
-            touch them meanwhile.
+        copy: Whether returned arrays are the caller's to keep. Otherwise the next step overwrites
+            them, and no other thread may touch them meanwhile.
         render_mode: `rgb_array`, for `render()`.
         width: Pixels of a picture.
         height: Pixels of a picture.
         view: Where the camera stands: `player`, `side`, `top` or `fingers`.
-        task: The keywords of `etude.task.task_config`.
+        preset: As for `PianoEnv`.
+        options: As for `PianoEnv`.
+        config: As for `PianoEnv`.
 
     Raises:
-        EtudeError: If the song or a keyword cannot be used.
+        EtudeError: If the song, a path or a value cannot be used.
     """
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": ["rgb_array"], "render_fps": 20}
@@ -60,14 +63,16 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         width: int = 320,
         height: int = 240,
         view: str = "player",
-        **task: Any,
+        preset: str = "paper",
+        options: Mapping[str, Any] | None = None,
+        config: Mapping[str, Any] | None = None,
     ):
         if not isinstance(num_envs, (int, np.integer)):
             raise TypeError(f"num_envs comes first and is a whole number, not {num_envs!r}: PianoVectorEnv(8, 'twinkle')")
         num_envs = int(num_envs)
         check_rendering(render_mode, self.metadata, width, height, view)
         threads = min(num_envs, _cores()) if threads is None else threads
-        self._task = task_config(**task)
+        self._task = task_config(preset, options, config)
         self._native = Pianos(os.fspath(song), self._task, num_envs, threads)
         self.num_envs = num_envs
         self.render_mode = render_mode
@@ -95,7 +100,8 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Restarts the song, in all environments or in those of `options["reset_mask"]`. Seeds lie in 0 … 2⁶⁴ − 1."""
+        """Restarts the song, in all environments or in those of `options["reset_mask"]`. Seeds lie
+        in 0 … 2⁶⁴ − 1."""
         seed = int(seed) if isinstance(seed, np.integer) else seed
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
         seeds = [None] * self.num_envs if seeds is None else list(seeds)

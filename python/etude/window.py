@@ -18,7 +18,8 @@ class Window:
         import glfw
         import mujoco.viewer
 
-        # Without a screen MuJoCo's viewer ends in its own thread, and the thread that opened it waits forever.
+        # Without a screen MuJoCo's viewer ends in its own thread, and the thread that opened it
+        # waits forever.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if not glfw.init():

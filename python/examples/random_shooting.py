@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""A planner without learning: random shooting through the simulator itself, by getting and setting its state.
+"""A planner without learning: random shooting through the simulator itself, by getting and setting
+its state.
 
-At each control step it tries sequences of actions from the present state, each the best one so far with noise on it, and
-plays the first action of the best. No teacher, no gradient; the world is its own model.
+At each control step it tries sequences of actions from the present state, each the best one so far
+with noise on it, and plays the first action of the best. No teacher, no gradient; the world is its
+own model.
 
     random_shooting.py [SONG] [--steps N] [--tries N] [--horizon N]
 """

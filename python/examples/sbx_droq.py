@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""SBX's DroQ (SAC in JAX with dropout and layer normalisation in the critics) learning a song in Étude's world.
+"""SBX's DroQ (SAC in JAX with dropout and layer normalisation in the critics) learning a song in
+Étude's world.
 
     pip install sbx-rl stable-baselines3
     sbx_droq.py [SONG] [--steps N] [--envs N] [--seed N] [--curve FILE.csv]
 
-The numbers are those of Étude's preset `quick` (eight environments, two updates of 256 a round, returns over three steps,
-discount 0.9, temperature from 0.1), its averaged policy aside. The curve has a row an evaluation: steps, seconds, updates, F1 of the whole song
-without exploration.
+Eight environments, two updates of 256 a vector step, returns over three steps, discount 0.9,
+temperature from 0.1. The curve has a row an evaluation: steps, seconds, updates, F1 of the whole
+song without exploration.
 """
 
 import argparse

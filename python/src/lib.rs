@@ -1,7 +1,8 @@
-//! The native part of the Python package `etude`: environments that step together, with the interpreter's lock released.
+//! The native part of the Python package `etude`: environments that step together without the GIL.
 //!
-//! Python allocates the arrays and passes them in; this part only fills them (python/etude/_native.pyi has the
-//! shapes). Invalid input raises an `EtudeError` and never panics.
+//! Python allocates the arrays and passes them in; this part only fills them
+//! (python/etude/_native.pyi has the shapes). Invalid input raises an `EtudeError` and never
+//! panics.
 
 mod pianos;
 mod pictures;
@@ -32,10 +33,10 @@ fn songs() -> Vec<(&'static str, &'static str)> {
     repertoire::SONGS.iter().map(|piece| (piece.id, piece.title)).collect()
 }
 
-/// Raises the error that drawing such a picture would raise, except for a missing OpenGL.
+/// Raises the error that drawing such a picture would raise, unless OpenGL is missing.
 #[pyfunction]
 fn check_picture(width: i64, height: i64, view: &str) -> PyResult<()> {
-    pictures::asked(width, height, view).map(|_| ())
+    pictures::parse(width, height, view).map(|_| ())
 }
 
 /// A complete task.

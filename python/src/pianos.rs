@@ -1,10 +1,10 @@
 //! Environments of one song that step together into arrays of the caller's.
 
 use std::fmt::Display;
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
+use etude_checks::check_range;
 use etude_lab::find_song;
-use etude_music::KEY_COUNT;
+use etude_learn::seed::fnv;
 use etude_music::metrics::FrameTally;
 use etude_stage::mjcf;
 use etude_task::{ACTION_LEN, Environment, Piece, TargetRange, TaskConfig, layout};
@@ -21,9 +21,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Task, error, pictures};
 
-/// Largest number of environments and of threads: as many as a training may have.
-const MOST_ENVS: usize = 4096;
-const MOST_THREADS: usize = 1024;
+/// As many as a training may have.
+const MAX_ENVS: usize = 4096;
+const MAX_THREADS: usize = 1024;
 /// Columns of the scores: precision, recall and F1 of the song so far.
 const SCORES: usize = 3;
 
@@ -37,8 +37,8 @@ struct Slot {
 /// The content of a saved state.
 #[derive(Serialize, Deserialize)]
 struct Saved {
-    /// Fingerprint of song and task.
-    fingerprint: u64,
+    /// Of song and task.
+    fingerprint: String,
     tally: FrameTally,
     over: bool,
     environment: String,
@@ -55,7 +55,7 @@ impl Slot {
 }
 
 /// One environment with its rows of the caller's arrays.
-struct Row<'a> {
+struct StepRow<'a> {
     slot: &'a mut Slot,
     action: &'a [f32],
     observation: &'a mut [f32],
@@ -67,7 +67,7 @@ struct Row<'a> {
     scores: &'a mut [f64],
 }
 
-impl Row<'_> {
+impl StepRow<'_> {
     fn step(self, piece: &Piece) {
         let Slot { environment, tally, over } = self.slot;
         let action: &[f32; ACTION_LEN] = self.action.first_chunk().expect("rows have an action's length");
@@ -98,8 +98,8 @@ pub struct Pianos {
     slots: Vec<Slot>,
     piece: Piece,
     config: TaskConfig,
-    /// Fingerprint of song and task.
-    fingerprint: u64,
+    /// Of song and task.
+    fingerprint: String,
     /// `None`: the calling thread alone.
     pool: Option<ThreadPool>,
 }
@@ -118,18 +118,19 @@ fn values<'a, T: numpy::Element, D: Dimension>(
     array.as_slice_mut().map_err(|_| wrong())
 }
 
-/// Checks that the count `given` of `name` is between 1 and `most`.
-fn count(name: &str, given: i64, most: usize) -> PyResult<usize> {
-    let fits = usize::try_from(given).ok().filter(|count| (1..=most).contains(count));
-    fits.ok_or_else(|| error(format!("{name} = {given} must lie in 1 … {most}")))
+/// The number `given` as `name`, from 1 to `max`.
+fn count(name: &str, given: i64, max: usize) -> PyResult<usize> {
+    check_range(name, given as f64, 1.0..=max as f64).map_err(error)?;
+    usize::try_from(given).map_err(error)
 }
 
-/// A number that differs between songs and between tasks.
-fn fingerprint(config: &TaskConfig, piece: &Piece) -> PyResult<u64> {
-    let mut hasher = DefaultHasher::new();
-    serde_json::to_string(config).map_err(error)?.hash(&mut hasher);
-    piece.frames().iter().flat_map(|due| due.iter().chain([KEY_COUNT])).for_each(|key| key.hash(&mut hasher));
-    Ok(hasher.finish())
+/// Differs between songs and between tasks.
+fn fingerprint(config: &TaskConfig, piece: &Piece) -> PyResult<String> {
+    let mut bytes = serde_json::to_vec(config).map_err(error)?;
+    for due in piece.frames() {
+        bytes.extend(due.pitches().chain([u8::MAX]));
+    }
+    Ok(format!("{:016x}", fnv(&bytes)))
 }
 
 impl Pianos {
@@ -144,8 +145,8 @@ impl Pianos {
     #[new]
     fn new(py: Python<'_>, song: &str, task: &Task, num_envs: i64, threads: i64) -> PyResult<Self> {
         let config = task.0.clone();
-        let num_envs = count("num_envs", num_envs, MOST_ENVS)?;
-        let threads = count("threads", threads, MOST_THREADS)?;
+        let num_envs = count("num_envs", num_envs, MAX_ENVS)?;
+        let threads = count("threads", threads, MAX_THREADS)?;
         py.detach(|| {
             let song = find_song(song).map_err(error)?;
             config.check().map_err(error)?;
@@ -176,7 +177,8 @@ impl Pianos {
         ACTION_LEN
     }
 
-    /// The joint targets of the actions -1 and 1: rad, the rail in m. The range of the rail depends on the song.
+    /// The joint targets of the actions -1 and 1: rad, the rail in m. The rail's depend on the
+    /// song.
     #[getter]
     fn action_range(&self) -> ([f64; ACTION_LEN], [f64; ACTION_LEN]) {
         let range = TargetRange::new(&self.piece);
@@ -199,7 +201,7 @@ impl Pianos {
         self.slots[0].environment.reward().names().collect()
     }
 
-    /// Begins an episode in each environment of `mask`: with a new random stream if it has a seed, else with its current one.
+    /// Begins an episode in each environment of `mask`: with a new random stream if it has a seed.
     fn reset(
         &mut self,
         py: Python<'_>,
@@ -225,8 +227,8 @@ impl Pianos {
         Ok(())
     }
 
-    /// One control step of all environments. With `last_observations`, an episode that has ended restarts in the same step, and
-    /// its last observation is written there.
+    /// One control step of all environments. With `last_observations`, an episode that has ended
+    /// restarts in the same step, and its last observation is written there.
     #[allow(clippy::too_many_arguments)] // One an array.
     fn step(
         &mut self,
@@ -276,24 +278,28 @@ impl Pianos {
         let terms = values(&mut terms, "terms", &[n, term_count])?;
         let scores = values(&mut scores, "scores", &[n, SCORES])?;
 
-        let rows = self.slots.iter_mut().zip(actions.chunks_exact(ACTION_LEN));
-        let rows =
-            rows.zip(observations.chunks_exact_mut(width)).zip(last).zip(rewards).zip(over).zip(collided);
-        let rows = rows.zip(scores.chunks_exact_mut(SCORES));
+        let mut actions = actions.chunks_exact(ACTION_LEN);
+        let (mut observations, mut last) = (observations.chunks_exact_mut(width), last.into_iter());
+        let (mut rewards, mut over) = (rewards.iter_mut(), over.iter_mut());
+        let (mut collided, mut scores) = (collided.iter_mut(), scores.chunks_exact_mut(SCORES));
         // A reward may have no terms, and `chunks_exact_mut(0)` panics.
         let mut terms_left = terms;
-        let rows: Vec<Row<'_>> = rows
-            .map(
-                |(
-                    ((((((slot, action), observation), last_observation), reward), over), collided),
-                    scores,
-                )| {
-                    let (terms, rest) = std::mem::take(&mut terms_left).split_at_mut(term_count);
-                    terms_left = rest;
-                    Row { slot, action, observation, last_observation, reward, over, collided, terms, scores }
-                },
-            )
-            .collect();
+        let mut row = |slot| {
+            let (terms, rest) = std::mem::take(&mut terms_left).split_at_mut(term_count);
+            terms_left = rest;
+            Some(StepRow {
+                slot,
+                action: actions.next()?,
+                observation: observations.next()?,
+                last_observation: last.next()?,
+                reward: rewards.next()?,
+                over: over.next()?,
+                collided: collided.next()?,
+                terms,
+                scores: scores.next()?,
+            })
+        };
+        let rows: Vec<StepRow<'_>> = self.slots.iter_mut().filter_map(&mut row).collect();
         let piece = &self.piece;
         match &self.pool {
             None => py.detach(|| rows.into_iter().for_each(|row| row.step(piece))),
@@ -308,7 +314,7 @@ impl Pianos {
     fn state<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
         let Slot { environment, tally, over } = self.slot(index)?;
         let environment = String::from_utf8(environment.save()).map_err(error)?;
-        let saved = Saved { fingerprint: self.fingerprint, tally: *tally, over: *over, environment };
+        let saved = Saved { fingerprint: self.fingerprint.clone(), tally: *tally, over: *over, environment };
         Ok(PyBytes::new(py, &serde_json::to_vec(&saved).map_err(error)?))
     }
 
@@ -359,7 +365,7 @@ impl Pianos {
         height: i64,
         view: &str,
     ) -> PyResult<Bound<'py, PyBytes>> {
-        let (size, view) = pictures::asked(width, height, view)?;
+        let (size, view) = pictures::parse(width, height, view)?;
         let pixels = pictures::paint(self.slot(index)?.environment.world(), size, view)?;
         Ok(PyBytes::new(py, &pixels))
     }

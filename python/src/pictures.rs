@@ -1,4 +1,5 @@
-//! Pictures of environments. A painter belongs to the thread that made it, and serves all worlds built alike.
+//! Pictures of environments. A painter belongs to the thread that made it, and serves all worlds
+//! built alike.
 
 use std::cell::RefCell;
 
@@ -7,8 +8,8 @@ use pyo3::PyResult;
 
 use crate::error;
 
-/// Largest number of painters that a thread keeps: each has its own buffers.
-const MOST_STUDIOS: usize = 4;
+/// Painters of a thread: each has its own buffers.
+const MAX_STUDIOS: usize = 4;
 
 /// A world to draw, and its painter.
 struct Studio {
@@ -33,8 +34,8 @@ impl Studio {
     }
 }
 
-/// Size in pixels and view of a picture, as Python asks for them.
-pub(crate) fn asked(width: i64, height: i64, view: &str) -> PyResult<([u32; 2], View)> {
+/// Size in pixels and view of a picture, from what Python gives.
+pub(crate) fn parse(width: i64, height: i64, view: &str) -> PyResult<([u32; 2], View)> {
     let names = View::ALL.map(View::name).join(", ");
     let view =
         View::of(view).ok_or_else(|| error(format!("there is no view `{view}`; there are: {names}")))?;
@@ -49,7 +50,7 @@ pub(crate) fn paint(world: &World, size: [u32; 2], view: View) -> PyResult<Vec<u
         let index = match studios.iter().position(fits) {
             Some(index) => index,
             None => {
-                studios.truncate(MOST_STUDIOS - 1);
+                studios.truncate(MAX_STUDIOS - 1);
                 studios.insert(0, Studio::new(world, size, view)?);
                 0
             }

@@ -51,6 +51,7 @@ def played(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def performed(tmp_path_factory):
-    """The folder of a performance of that on the twin, whose plan leads by more than a control step."""
-    arguments = "perform c-major-scale --scripted --robot twin --mode real --set task.plan.latency_compensation_secs=0.07".split()
+    """The folder of a performance of that on the twin, more than a control step early."""
+    setting = "task.plan.latency_compensation_secs=0.07"
+    arguments = f"perform c-major-scale --scripted --robot twin --mode real --set {setting}".split()
     return etude_command(tmp_path_factory.mktemp("performed"), *arguments)

@@ -16,7 +16,8 @@ from sklearn.metrics import precision_recall_fscore_support
 
 import etude
 
-RESTLESS = {"randomisation": 0.5}
+# In worlds that are drawn at random.
+RANDOMISED = {"options": {"randomisation.intensity": 0.5}}
 
 
 def random_actions(count, num_envs=None, seed=0):
@@ -33,7 +34,8 @@ def test_every_song_is_registered(song):
 
 
 @pytest.mark.parametrize(
-    "keywords", [{}, {"variant": "appendix"}, {"observation_scale": "si", "fences": False}, RESTLESS]
+    "keywords",
+    [{}, {"preset": "appendix"}, {"options": {"scale": "si", "stage.fences": False}}, RANDOMISED],
 )
 def test_gymnasium_finds_nothing_wrong(keywords, short_song):
     with warnings.catch_warnings():
@@ -43,20 +45,21 @@ def test_gymnasium_finds_nothing_wrong(keywords, short_song):
         check_env(etude.PianoEnv(short_song, **keywords), skip_render_check=True)
 
 
-def test_the_variants_differ_as_in_the_paper():
-    main, appendix = etude.PianoEnv(), etude.PianoEnv(variant="appendix")
+def test_the_presets_differ_as_in_the_paper():
+    main, appendix = etude.PianoEnv(), etude.PianoEnv(preset="appendix")
     assert main.observation_space.shape == (369,) and appendix.observation_space.shape == (356,)
     assert main.task["stage"]["fences"] and not appendix.task["stage"]["fences"]
     assert main.reward_terms != appendix.reward_terms
-    heavier = etude.PianoEnv(reward={"collision": 4.0}, physics={"key.threshold": 0.7}, actuation="position").task
+    options = {"reward.collision": 4.0, "physics.key.threshold": 0.7, "stage.actuation": "position"}
+    heavier = etude.PianoEnv(options=options).task
     assert heavier["reward"]["collision"] == 4.0 and heavier["physics"] == {"key.threshold": 0.7}
     assert heavier["stage"]["actuation"] == "position"
 
 
-def test_the_rails_set_point_is_ahead_of_its_place():
+def test_the_rails_set_point_is_ahead_of_its_position():
     shown = []
     for rail_set_point in (False, True):
-        env = etude.PianoEnv("twinkle", rail_set_point=rail_set_point)
+        env = etude.PianoEnv("twinkle", options={"rail_set_point": rail_set_point})
         env.reset(seed=0)
         for _ in range(2):
             observation = env.step(np.ones(13, np.float32))[0]
@@ -66,17 +69,18 @@ def test_the_rails_set_point_is_ahead_of_its_place():
 
 
 def test_a_fingering_and_a_plan_change_what_is_shown_and_due():
-    plain, planned = etude.PianoEnv("twinkle"), etude.PianoEnv("twinkle", fingering=True, plan={"rule": "articulated"})
+    plain = etude.PianoEnv("twinkle")
+    planned = etude.PianoEnv("twinkle", options={"fingering": True, "plan.rule": "articulated"})
     assert planned.observation_space.shape == (369 + 9 + 18,) and planned.task["plan"]["rule"] == "articulated"
-    # The rail's action is a distance of up to 40 mm from its planned place.
+    # The rail's action is a distance of up to 40 mm from its planned position.
     assert planned.action_high[12] - planned.action_low[12] == pytest.approx(0.08)
-    steady = etude.PianoEnv("twinkle", fingering=True, rail_range=0.02)
+    steady = etude.PianoEnv("twinkle", options={"fingering": True, "rail_range": 0.02})
     assert steady.action_high[12] - steady.action_low[12] == pytest.approx(0.04)
-    near = etude.PianoEnv("twinkle", fingering=True, finger_range=0.3)
+    near = etude.PianoEnv("twinkle", options={"fingering": True, "finger_range": 0.3})
     assert (near.action_high - near.action_low)[:12] == pytest.approx(0.6)
     assert planned.action_low[0] == pytest.approx(-0.47) and near.action_low[0] > -0.4
     with pytest.raises(etude.EtudeError, match="finger_range"):
-        etude.PianoEnv("twinkle", finger_range=0.3)
+        etude.PianoEnv("twinkle", options={"finger_range": 0.3})
     rested = []
     for env, keys in (plain, 26 + 49), (planned, 26 + 9 + 49):
         observation, _ = env.reset(seed=0)
@@ -88,7 +92,7 @@ def test_a_fingering_and_a_plan_change_what_is_shown_and_due():
         rested.append([step for step in range(20, 40) if due[step] != [24]])
     assert rested == [[30], [28, 29]]
     with pytest.raises(etude.EtudeError, match="restrike_secs"):
-        etude.PianoEnv("twinkle", plan={"restrike_secs": 5.0})
+        etude.PianoEnv("twinkle", options={"plan.restrike_secs": 5.0})
 
 
 def test_the_song_is_a_truncation_and_ends_with_its_scores(short_song):
@@ -125,19 +129,19 @@ def test_actions_reach_over_what_the_song_needs(short_song):
 
 
 def test_a_reward_may_have_no_terms(short_song):
-    nothing = dict.fromkeys(etude.PianoEnv(short_song).reward_terms, 0.0)
-    env = etude.PianoEnv(short_song, reward=nothing)
+    nothing = {f"reward.{term}": 0.0 for term in etude.PianoEnv(short_song).reward_terms}
+    env = etude.PianoEnv(short_song, options=nothing)
     env.reset(seed=0)
     *_, info = env.step(np.zeros(13))
     assert env.reward_terms == [] and info["reward_terms"] == {}
-    envs = etude.PianoVectorEnv(2, short_song, reward=nothing)
+    envs = etude.PianoVectorEnv(2, short_song, options=nothing)
     envs.reset(seed=0)
     assert envs.step(np.zeros((2, 13)))[1].tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_together_they_do_what_gymnasium_makes_of_single_ones(short_song, threads):
-    """Observations, rewards and infos byte for byte, over the ends of songs, in worlds drawn anew."""
+    """Observations, rewards and infos byte for byte, over the ends of songs."""
     count = 3
     ours = gymnasium.make_vec(
         "etude/Piano-v0",
@@ -145,10 +149,10 @@ def test_together_they_do_what_gymnasium_makes_of_single_ones(short_song, thread
         vectorization_mode="vector_entry_point",
         song=short_song,
         threads=threads,
-        **RESTLESS,
+        **RANDOMISED,
     )
     theirs = SyncVectorEnv(
-        [lambda: etude.PianoEnv(short_song, **RESTLESS)] * count, autoreset_mode=AutoresetMode.SAME_STEP
+        [lambda: etude.PianoEnv(short_song, **RANDOMISED)] * count, autoreset_mode=AutoresetMode.SAME_STEP
     )
     assert ours.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
     assert ours.observation_space == theirs.observation_space and ours.action_space == theirs.action_space
@@ -188,8 +192,8 @@ def test_rust_sees_the_same():
     steps, seed = 250, 11  # The song has 231.
     printed = subprocess.run([program, "c-major-scale", str(seed), str(steps)], capture_output=True, check=True)
     rust = np.frombuffer(printed.stdout, "<f4").reshape(steps + 1, 369)
-    env = etude.PianoEnv("c-major-scale", **RESTLESS)
-    envs = etude.PianoVectorEnv(2, "c-major-scale", **RESTLESS)
+    env = etude.PianoEnv("c-major-scale", **RANDOMISED)
+    envs = etude.PianoVectorEnv(2, "c-major-scale", **RANDOMISED)
     seen, together = [env.reset(seed=seed)[0]], [envs.reset(seed=[5, seed])[0][1]]
     for step in range(steps):
         index = np.arange(13)
@@ -203,7 +207,7 @@ def test_rust_sees_the_same():
 def test_without_a_seed_every_environment_has_another_world():
     # In worlds drawn from the whole range no two hands move alike.
     def moves(**reset):
-        envs = etude.PianoVectorEnv(2, "twinkle", randomisation=1.0)
+        envs = etude.PianoVectorEnv(2, "twinkle", options={"randomisation.intensity": 1.0})
         envs.reset(**reset)
         for _ in range(4):
             observations = envs.step(np.full((2, 13), 0.5))[0]
@@ -211,14 +215,14 @@ def test_without_a_seed_every_environment_has_another_world():
 
     for reset in ({}, {"seed": [None, None]}):
         assert len({*moves(**reset), *moves(**reset)}) == 4
-    single = [etude.PianoEnv("twinkle", randomisation=1.0) for _ in range(3)]
+    single = [etude.PianoEnv("twinkle", options={"randomisation.intensity": 1.0}) for _ in range(3)]
     for env in single:
         env.reset()
     assert len({env.step(np.full(13, 0.5))[0].tobytes() for env in single}) == 3
     # What was drawn can be drawn again.
-    env = etude.PianoEnv("twinkle", randomisation=1.0)
+    env = etude.PianoEnv("twinkle", options={"randomisation.intensity": 1.0})
     env.reset()
-    again = etude.PianoEnv("twinkle", randomisation=1.0)
+    again = etude.PianoEnv("twinkle", options={"randomisation.intensity": 1.0})
     again.reset(seed=env.np_random_seed)
     assert env.step(np.full(13, 0.5))[0].tobytes() == again.step(np.full(13, 0.5))[0].tobytes()
     # Seeds go by environment, and a refused reset has not begun anything.
@@ -254,7 +258,7 @@ def test_arrays_are_the_callers_to_keep_unless_asked_otherwise(short_song):
 
 
 def test_states_go_on_bit_for_bit(short_song):
-    env = etude.PianoEnv(short_song, **RESTLESS)
+    env = etude.PianoEnv(short_song, **RANDOMISED)
     env.reset(seed=3)
     actions = random_actions(24)
     for action in actions[:4]:
@@ -262,24 +266,25 @@ def test_states_go_on_bit_for_bit(short_song):
     state = env.get_state()
     went_on = [env.step(action) for action in actions[4:14]]
     # Another environment, elsewhere in another song's time.
-    other = etude.PianoEnv(short_song, **RESTLESS)
+    other = etude.PianoEnv(short_song, **RANDOMISED)
     other.reset(seed=8)
     other.set_state(state)
     for before, action in zip(went_on, actions[4:14]):
         same(before, other.step(action))
-    envs = etude.PianoVectorEnv(3, short_song, **RESTLESS)
+    envs = etude.PianoVectorEnv(3, short_song, **RANDOMISED)
     envs.reset(seed=0)
     envs.set_state(1, state)
     np.testing.assert_array_equal(envs.step(np.stack([actions[4]] * 3))[0][1], went_on[0][0])
 
 
 def test_a_state_that_does_not_fit_leaves_the_episode_alone(short_song):
-    env, twin = (etude.PianoEnv(short_song, **RESTLESS) for _ in range(2))
+    env, twin = (etude.PianoEnv(short_song, **RANDOMISED) for _ in range(2))
     for one in (env, twin):
         one.reset(seed=3)
     actions = random_actions(6)
     state = env.get_state()
-    others = [etude.PianoEnv("twinkle", **RESTLESS), etude.PianoEnv(short_song, fences=False), etude.PianoEnv(short_song)]
+    no_fences = etude.PianoEnv(short_song, options={"stage.fences": False})
+    others = [etude.PianoEnv("twinkle", **RANDOMISED), no_fences, etude.PianoEnv(short_song)]
     foreign = [other.get_state() for other in others]
     damaged = [state[:-9], state.replace(b"over", b"ovrr"), state.replace(b"physics", b"fysics")]
     damaged.append(state.replace(b"asleep", b"aslept"))

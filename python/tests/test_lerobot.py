@@ -1,4 +1,4 @@
-"""Recordings as a LeRobot dataset, read back by Hugging Face's `datasets`, as LeRobot itself reads them."""
+"""Recordings as a LeRobot dataset, read back by Hugging Face's `datasets` as LeRobot does."""
 
 import json
 import subprocess

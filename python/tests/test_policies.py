@@ -28,7 +28,8 @@ def play(policy, song, **keywords):
 def test_a_shipped_policy_plays_as_well_as_its_file_says(song):
     policy = etude.load_policy(song)
     assert policy.song == etude.SONGS[song]
-    # The last bits of an action differ from the trainer's, and a stroke may fall a control step earlier or later.
+    # The last bits of an action differ from the trainer's, and a stroke may fall a control step
+    # earlier or later.
     assert play(policy, song)["f1"] == pytest.approx(policy.scores["f1"], abs=0.02)
 
 
@@ -43,9 +44,10 @@ def song(tmp_path_factory):
 def test_the_sight_reader_plays_what_has_no_policy_of_its_own(song, tmp_path):
     policy = etude.load_policy(song)
     assert policy.path == SIGHT_READER and policy.song is None
-    told = json.loads((etude_command(tmp_path / "played", "play", song) / "latest" / "report.json").read_text())
-    assert told["player"].endswith(SIGHT_READER.name) and told["f1"] > 0.8
-    assert play(policy, song)["f1"] == pytest.approx(told["f1"], abs=0.02)
+    folder = etude_command(tmp_path / "played", "play", song) / "latest"
+    report = json.loads((folder / "report.json").read_text())
+    assert report["player"].endswith(SIGHT_READER.name) and report["f1"] > 0.8
+    assert play(policy, song)["f1"] == pytest.approx(report["f1"], abs=0.02)
 
 
 def test_it_acts_as_the_command_does_on_what_it_sees_of_a_robot(song, tmp_path):
@@ -94,7 +96,7 @@ def test_what_is_not_a_policy_is_refused(tmp_path):
     with safe_open(SHIPPED / "twinkle.safetensors", framework="numpy") as file:
         header = json.loads(file.metadata()["etude"])
     bias = whole["actor.layer0.bias"]
-    for changed, told in [
+    for changed, header in [
         ({"actor.layer0.bias": bias[:-1]}, header),
         ({"actor.layer0.bias": bias + np.nan}, header),
         ({"actor.layer0.bias": bias.astype(np.float64)}, header),
@@ -103,7 +105,7 @@ def test_what_is_not_a_policy_is_refused(tmp_path):
         ({}, header | {"schema": "etude-policy-9"}),
         ({}, []),
     ]:
-        save_file(whole | changed, tmp_path / "p.safetensors", {"etude": json.dumps(told)})
+        save_file(whole | changed, tmp_path / "p.safetensors", {"etude": json.dumps(header)})
         with pytest.raises(etude.EtudeError, match="damaged|not a policy|schema"):
             etude.load_policy(tmp_path / "p.safetensors")
     save_file(whole, tmp_path / "p.safetensors", {"etude": json.dumps(header | {"notes": None})})

@@ -1,4 +1,4 @@
-"""The adapter for Stable-Baselines3, beside what Stable-Baselines3 makes of single environments (`make test-sb3`)."""
+"""The adapter beside what Stable-Baselines3 makes of single environments (`make test-sb3`)."""
 
 import numpy as np
 import pytest

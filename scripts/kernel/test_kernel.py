@@ -1,8 +1,9 @@
 """Tries the drivers on the kernel's own CAN and MIDI, in a small emulated computer.
 
-Neither a hand nor a keyboard nor root is needed: a guest of QEMU boots Debian's stock kernel, makes a virtual CAN bus
-and a USB MIDI keyboard out of nothing, and runs crates/emulators/examples/kernel_probe.rs on them. Without QEMU, busybox
-or the kernel package it says why and ends well: a machine that cannot run this test has not failed it.
+Neither a hand nor a keyboard nor root is needed: a guest of QEMU boots Debian's stock kernel, makes
+a virtual CAN bus and a USB MIDI keyboard out of nothing, and runs
+crates/emulators/examples/kernel_probe.rs on them. Without QEMU, busybox or the kernel package it
+says why and ends well: a machine that cannot run this test has not failed it.
 """
 
 import gzip
@@ -46,7 +47,7 @@ def run(*command, **options):
 
 
 def kernel_package(cache):
-    """The unpacked stock kernel; fetched once by the package client, which checks the signatures."""
+    """The unpacked stock kernel; fetched once by the package client, which checks signatures."""
     try:
         depends = run("apt-cache", "depends", "linux-image-amd64")
         name = re.search(r"Depends: (linux-image-\S+)", depends)

@@ -328,10 +328,10 @@ def after_iteration(options):
     Means over songs and seeds.
 
     With --measure each policy is learned as in the experiment, plays on the twin, and is trained
-    further in the simulator that was fitted to it. The drives are fitted once for each parameter set
-    and seed, by the first song. A variant with several modes is rehearsed in the last one, and the
-    same policies play in the others. What is done is not done again, except rehearsals that a safety
-    stop has ended. Other rows stay in the file.
+    further in the simulator that was fitted to it. The drives are fitted once for each parameter
+    set and seed, by the first song. A variant with several modes is rehearsed in the last one, and
+    the same policies play in the others. What is done is not done again, except rehearsals that a
+    safety stop has ended. Other rows stay in the file.
     """
     if options.measure:
         rows = measure(options)

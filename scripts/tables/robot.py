@@ -68,8 +68,8 @@ def recorded(recording, *topics):
 def clamps(options):
     """How often the robot's limiter holds a set-point back, and by which limit. Needs mcap.
 
-    A set-point counts if any joint of it is clamped while the song is played; the last column counts
-    each set-point once a limit.
+    A set-point counts if any joint of it is clamped while the song is played; the last column
+    counts each set-point once a limit.
     """
     head("twin parameters", "mode", "clamped set-points", "the song with the most", "by limit")
     for twin_params in options.twin_params:
@@ -103,7 +103,7 @@ def limits_of(joint):
 
 
 def shares_at_limits(recording, finger_limits, rail_limits):
-    """Of the set-points of fingers and rail at each limit, of the duties, of the time of any duty."""
+    """Of the set-points of fingers and rail at each limit, of the duties, of the time of any."""
     import numpy as np
 
     sent, duties = [], []

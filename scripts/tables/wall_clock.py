@@ -115,7 +115,7 @@ def ten_minutes(options):
 
     Serves a twin and plays the song on it again and again in real execution. Beside that it learns
     one song a core and makes pages. The exit code is 0 if no run ended early, no command missed its
-    deadline (50 ms) and the hand's period is less than 1 ms over its median in 99.9 % of all periods.
+    deadline (50 ms) and 99.9 % of the hand's periods are less than 1 ms over their median.
 
     What the machine itself allows is measured in the same minutes: on each core a process with a
     higher real-time priority than all of Étude sleeps for 3 ms and notes how late it wakes up.

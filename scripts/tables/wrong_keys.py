@@ -73,8 +73,8 @@ def keys_observed(options):
     """F1 in simulation with wrong keys in the observation: the rail is offset from its encoder.
 
     The observation has the keys that sound, in their place those that are due, or none. Means over
-    the policies; an offset is tried to both sides, at most half of the rail's range. Needs the Python
-    package: `scripts/python_package.py test`, then `.venv/bin/python scripts/tables.py`.
+    the policies; an offset is tried to both sides, at most half of the rail's range. Needs the
+    Python package: `scripts/python_package.py test`, then `.venv/bin/python scripts/tables.py`.
     """
     import etude
 

@@ -1,4 +1,5 @@
-//! An experiment as a file: what is trained or fitted, what is compared, which figures are drawn, and what the paper found.
+//! An experiment as a file: what is trained or fitted, what is compared, which figures are drawn,
+//! and what the paper found.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -31,8 +32,8 @@ pub struct Experiment {
     /// What the paper found.
     #[serde(default)]
     pub finding: String,
-    /// Songs: built-in ids or MIDI files. Without songs a preset with a corpus learns the corpus, and the policy of each seed is scored on
-    /// its validation pieces.
+    /// Songs: built-in ids or MIDI files. Without songs a preset with a corpus learns the corpus,
+    /// and the policy of each seed is scored on its validation pieces.
     #[serde(default)]
     pub songs: Vec<String>,
     /// How many seeds, counted from 0.
@@ -86,8 +87,8 @@ pub struct Variant {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlayConfig {
-    /// `scripted`, the name of a policy that comes with Étude, a policy's file, or the folder of a run; `{seed}` in it stands for the seed.
-    /// The others are compared with the first.
+    /// `scripted`, the name of a policy that comes with Étude, a policy's file, or the folder of a
+    /// run; `{seed}` in it stands for the seed. The others are compared with the first.
     pub players: Vec<String>,
     /// Players that first learn each piece.
     #[serde(default)]
@@ -112,8 +113,8 @@ pub struct LearnerConfig {
     /// Overrides, `path=value`.
     #[serde(default)]
     pub set: Vec<String>,
-    /// What its trainings begin with: the name of a policy that comes with Étude, a policy's file, or the folder of a run (its best policy);
-    /// nothing if not given.
+    /// What its trainings begin with: the name of a policy that comes with Étude, a policy's file,
+    /// or the folder of a run (its best policy); nothing if not given.
     pub from: Option<String>,
 }
 

@@ -56,7 +56,8 @@ fn measure_label(measures: &[String]) -> String {
     }
 }
 
-/// The measure that a figure shows as `measure`: in the curve of a training F1 is that in simulation.
+/// The measure that a figure shows as `measure`: in the curve of a training F1 is that in
+/// simulation.
 fn shown<'a>(figure: &FigureConfig, measure: &'a str) -> &'a str {
     if figure.kind == FigureKind::Curves && measure == "f1" { "sim_f1" } else { measure }
 }
@@ -174,7 +175,8 @@ pub(crate) fn drawing(experiment: &Experiment, figure: &FigureConfig, all: &[Res
 }
 
 /// A measure against a number that grows during a trial: at each value at which every training was
-/// evaluated. If these differ: at fifty equal distances, each training with its last evaluation before.
+/// evaluated. If these differ: at fifty equal distances, each training with its last evaluation
+/// before.
 fn curve(all: &[ResultRow], x: &str, measure: &str) -> Vec<Point> {
     let key = |record: &ResultRow| {
         ["song", "seed"].map(|label| record.labels.get(label).cloned().unwrap_or_default())

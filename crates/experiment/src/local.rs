@@ -1,7 +1,7 @@
 //! The local launcher: one process a trial, so that one that crashes does not affect the others.
 //!
-//! A trial's process stops when its standard input ends. So it saves its state and ends also when the
-//! launcher is killed, and a Ctrl-C, which a terminal sends to every process, is one request.
+//! A trial's process stops when its standard input ends. So it saves its state and ends also when
+//! the launcher is killed, and a Ctrl-C, which a terminal sends to every process, is one request.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::OpenOptions;
@@ -79,7 +79,8 @@ type ProgressLine = (String, TrialProgress);
 /// Does all trials of the plan in the file `plan` that are not done yet. Reports what changes.
 ///
 /// # Errors
-/// If a process cannot be started. A trial that fails is listed in the report, and the others continue.
+/// If a process cannot be started. A trial that fails is listed in the report, and the others
+/// continue.
 pub fn launch_local(
     trials: &[Trial],
     plan: &Path,

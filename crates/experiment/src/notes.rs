@@ -6,7 +6,8 @@ use pulldown_cmark::{Event, HeadingLevel, Options, Parser, Tag, TagEnd, html};
 /// What a link may begin with, if it names a scheme at all.
 const SCHEMES: [&str; 3] = ["https:", "http:", "mailto:"];
 
-/// The notes as HTML. What is HTML in them is shown as text; their headings stand below those of the page.
+/// The notes as HTML. What is HTML in them is shown as text; their headings stand below those of
+/// the page.
 pub(crate) fn rendered(notes: &str) -> Markup {
     let options = Options::ENABLE_TABLES | Options::ENABLE_STRIKETHROUGH;
     let events = Parser::new_ext(notes, options).map(|event| match event {

@@ -14,13 +14,15 @@ pub const TRIAL: &str = "task.json";
 pub const RESULT: &str = "result.json";
 /// See [`TRIAL`].
 pub const TIMES: &str = "times.json";
-/// Name of the file that a process locks while it works on the trial. The system releases the lock when the process ends.
+/// Name of the file that a process locks while it works on the trial. The system releases the lock
+/// when the process ends.
 pub(crate) const LOCK: &str = "task.lock";
 
 /// Measures by name: scores between 0 and 1, errors in rad.
 pub type Values = BTreeMap<String, f64>;
 
-/// One row of results: labels and measures. In a trial's file the labels are those that the trial has not: `mode`, `run`, `iteration`.
+/// One row of results: labels and measures. In a trial's file the labels are those that the trial
+/// has not: `mode`, `run`, `iteration`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ResultRow {
     /// Its labels.
@@ -36,7 +38,8 @@ impl ResultRow {
     }
 }
 
-/// The result of a trial: the same bytes however it was run, on processors with the same vector instructions.
+/// The result of a trial: the same bytes however it was run, on processors with the same vector
+/// instructions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrialResult {
     /// Which trial.
@@ -50,7 +53,8 @@ pub struct TrialResult {
 /// When, where and how long.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrialTimes {
-    /// Seconds of learning or fitting, over all interruptions; of a rehearsal those since its last start.
+    /// Seconds of learning or fitting, over all interruptions; of a rehearsal those since its last
+    /// start.
     pub secs: f64,
     /// Seconds of learning until each point of the course.
     pub curve_secs: Vec<f64>,

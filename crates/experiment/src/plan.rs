@@ -227,7 +227,8 @@ impl Experiment {
         points
     }
 
-    /// Differs for twin parameters of different content, whether they come with Étude or from a file.
+    /// Differs for twin parameters of different content, whether they come with Étude or from a
+    /// file.
     fn fingerprint_of_twin(&self, name: &str) -> anyhow::Result<String> {
         let params = TwinParams::load(name).map_err(|error| anyhow!("experiment {}: {error}", self.name))?;
         Ok(format!("{:08x}", params.fingerprint()))

@@ -12,8 +12,8 @@ use crate::trial::{Trial, json, slug};
 /// Characters of a plan's name at most: a plan of all experiments would have a long one.
 const MAX_NAME_LEN: usize = 64;
 
-/// Where a plan lies. Its name ends with a fingerprint: another plan of the experiment never replaces
-/// one whose lines are being worked on.
+/// Where a plan lies. Its name ends with a fingerprint: another plan of the experiment never
+/// replaces one whose lines are being worked on.
 pub fn plan_file(runs: &Path, name: &str, trials: &[Trial]) -> PathBuf {
     let name: String = slug(name).chars().take(MAX_NAME_LEN).collect();
     runs.join(format!("{name}-{:08x}.plan.jsonl", fnv(plan_text(trials).as_bytes()) as u32))

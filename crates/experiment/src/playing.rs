@@ -92,7 +92,8 @@ pub(crate) fn kinds(song: &Song) -> [&'static str; 4] {
 }
 
 impl Experiment {
-    /// The trials of players: each piece by each. A test melody is in four kinds, and is played once.
+    /// The trials of players: each piece by each. A test melody is in four kinds, and is played
+    /// once.
     pub(crate) fn plays(
         &self,
         play: &PlayConfig,

@@ -1,8 +1,9 @@
-//! The report of experiments: one page with figures, the paper's numbers beside ours, and everything that it was made of.
+//! The report of experiments: one page with figures, the paper's numbers beside ours, and
+//! everything that it was made of.
 //!
 //! ```text
 //! OUT/index.html              the page; it needs nothing else
-//! OUT/NAME/results.jsonl      the result of each trial; the report can be made again from this file alone
+//! OUT/NAME/results.jsonl      the result of each trial, from which the report can be made again
 //! OUT/NAME/results.csv        one row a performance, iteration or fit
 //! OUT/NAME/curves.csv         one row an evaluation
 //! OUT/NAME/FIGURE.svg         the figures
@@ -40,8 +41,8 @@ pub struct ReportPage {
     pub missing: Vec<String>,
 }
 
-/// Writes the report of experiments, planned by `config`, into `out`, from what is done among `runs`
-/// and from what a report in `out` has already.
+/// Writes the report of experiments, planned by `config`, into `out`, from what is done among
+/// `runs` and from what a report in `out` has already.
 ///
 /// # Errors
 /// If nothing is done, or a file cannot be read or written.

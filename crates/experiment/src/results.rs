@@ -1,4 +1,5 @@
-//! The results as one table: a row is one performance, iteration or fit, with its labels and measures.
+//! The results as one table: a row is one performance, iteration or fit, with its labels and
+//! measures.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -113,7 +114,8 @@ pub fn summary(records: &[ResultRow], filter: &BTreeMap<String, String>, measure
     by_song(trainings(records, filter, measure).into_iter().map(|((song, _), score)| (song, score)))
 }
 
-/// How much a measure of one thing is above that of another, training by training: those of the same song and seed.
+/// How much a measure of one thing is above that of another, training by training: those of the
+/// same song and seed.
 pub fn paired(
     records: &[ResultRow],
     one: &BTreeMap<String, String>,
@@ -125,7 +127,8 @@ pub fn paired(
     by_song(ones.filter_map(|(training, score)| Some((training.0, score - others.get(&training)?))))
 }
 
-/// When each training first had a score: step, and seconds where they are known; and how many trainings there are.
+/// When each training first had a score: step, and seconds where they are known; and how many
+/// trainings there are.
 pub fn time_to(
     entries: &[DoneTrial],
     filter: &BTreeMap<String, String>,
@@ -152,7 +155,8 @@ pub fn to_csv(rows: &[ResultRow]) -> anyhow::Result<String> {
     writer.write_record(labels.iter().chain(&values))?;
     for row in rows {
         let of_labels = labels.iter().map(|key| row.labels.get(*key).cloned().unwrap_or_default());
-        // Six digits are enough for a score of control steps; the number itself is in `results.jsonl`.
+        // Six digits are enough for a score of control steps; the number itself is in
+        // `results.jsonl`.
         let of_values =
             values.iter().map(|key| row.values.get(*key).map_or_else(String::new, |value| short(*value, 6)));
         writer.write_record(of_labels.chain(of_values))?;

@@ -1,5 +1,5 @@
-//! The Slurm launcher: a job array over the lines of a plan. It contains nothing specific to a site: partition,
-//! account and memory are given as options of `sbatch`.
+//! The Slurm launcher: a job array over the lines of a plan. It contains nothing specific to a
+//! site: partition, account and memory are given as options of `sbatch`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

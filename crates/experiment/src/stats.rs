@@ -1,6 +1,7 @@
-//! Statistics of scores of several trainings: means and interquartile means with bootstrap intervals, stratified by song as
-//! Agarwal et al. do ("Deep reinforcement learning at the edge of the statistical precipice", 2021). Checked against their
-//! package and SciPy (`scripts/golden_statistics.py`).
+//! Statistics of scores of several trainings: means and interquartile means with bootstrap
+//! intervals, stratified by song as Agarwal et al. do ("Deep reinforcement learning at the edge of
+//! the statistical precipice", 2021). Checked against their package and SciPy
+//! (`scripts/golden_statistics.py`).
 
 use etude_perform::stats::{mean, quantile, sorted};
 use rand::{RngExt as _, SeedableRng as _};
@@ -34,7 +35,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Of scores in strata: one a song, one score a training. Trainings are resampled within their song. `None` without scores.
+    /// Of scores in strata: one a song, one score a training. Trainings are resampled within their
+    /// song. `None` without scores.
     pub fn new(strata: &[Vec<f64>]) -> Option<Self> {
         let all = strata.concat();
         if all.is_empty() {
@@ -56,8 +58,8 @@ pub fn interquartile_mean(scores: &[f64]) -> f64 {
     mean(&sorted[cut..sorted.len() - cut])
 }
 
-/// Percentile intervals of two statistics over the same resamples; none where a stratum has a single score, which would
-/// look as if it had no spread.
+/// Percentile intervals of two statistics over the same resamples; none where a stratum has a
+/// single score, which would look as if it had no spread.
 fn bootstrap(strata: &[Vec<f64>], statistics: [fn(&[f64]) -> f64; 2]) -> [Option<[f64; 2]>; 2] {
     if strata.iter().any(|scores| scores.len() == 1) {
         return [None, None];

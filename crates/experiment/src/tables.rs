@@ -92,7 +92,8 @@ pub(crate) fn scores(experiment: &Experiment, all: &[ResultRow]) -> Markup {
     }
 }
 
-/// What is compared, against the same with the first value of one of its labels, training by training.
+/// What is compared, against the same with the first value of one of its labels, training by
+/// training.
 pub(crate) fn differences(experiment: &Experiment, all: &[ResultRow]) -> Markup {
     let keys = compared(all);
     let pooled = combinations(all, &keys);

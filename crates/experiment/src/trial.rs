@@ -1,7 +1,8 @@
-//! A trial: one unit of an experiment's work, with an id that depends on what is done and not on the experiment.
+//! A trial: one unit of an experiment's work, with an id that depends on what is done and not on
+//! the experiment.
 //!
-//! Two experiments that need the same training share its trial. A plan that is made again has the same ids, as long as its songs,
-//! resolved configurations and twin parameters are the same.
+//! Two experiments that need the same training share its trial. A plan that is made again has the
+//! same ids, as long as its songs, resolved configurations and twin parameters are the same.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,8 @@ use crate::config::PerformConfig;
 pub struct Trial {
     /// Name of its folder below `runs`; the same work has the same id.
     pub id: String,
-    /// Its place in the experiment: `song`, `variant`, `seed`, the keys of the grid, `mode`, `twin_params`, `method`, `player`, `pieces`.
+    /// Its place in the experiment: `song`, `variant`, `seed`, the keys of the grid, `mode`,
+    /// `twin_params`, `method`, `player`, `pieces`.
     pub labels: BTreeMap<String, String>,
     /// The work.
     pub work: TrialWork,
@@ -52,7 +54,8 @@ pub enum TrialWork {
     Play {
         /// A built-in id, a MIDI file, or a melody by its seed: `melody-7`.
         song: String,
-        /// `scripted`, the name of a policy that comes with Étude, a policy's file, or the folder of a run.
+        /// `scripted`, the name of a policy that comes with Étude, a policy's file, or the folder
+        /// of a run.
         player: String,
         /// How it is played on the twin.
         perform: Option<PerformConfig>,
@@ -90,14 +93,15 @@ pub enum TrialWork {
 /// A training, by the layers of its configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingConfig {
-    /// A built-in id, a MIDI file, or a melody by its seed: `melody-7`; none where a corpus is learned.
+    /// A built-in id, a MIDI file, or a melody by its seed: `melody-7`; none where a corpus is
+    /// learned.
     pub song: Option<String>,
     /// The preset.
     pub preset: String,
     /// Overrides, `path=value`, the seed included.
     pub set: Vec<String>,
-    /// What it begins with: the name of a policy that comes with Étude, a policy's file, or the folder of a run, of which the best policy is
-    /// taken.
+    /// What it begins with: the name of a policy that comes with Étude, a policy's file, or the
+    /// folder of a run, of which the best policy is taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
 }
@@ -130,8 +134,8 @@ impl TrainingConfig {
     }
 }
 
-/// What distinguishes one training from another: notes and resolved configuration, without threads and the intervals of logs and
-/// checkpoints, which do not change the result.
+/// What distinguishes one training from another: notes and resolved configuration, without threads
+/// and the intervals of logs and checkpoints, which do not change the result.
 pub(crate) fn fingerprint(notes: &str, config: &RunConfig) -> String {
     let defaults = TrainerConfig::default();
     let trainer = TrainerConfig {

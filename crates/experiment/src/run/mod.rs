@@ -1,10 +1,11 @@
-//! Doing a trial in its folder. It resumes where it was stopped, ends with one file that appears complete, and is done only once.
+//! Doing a trial in its folder. It resumes where it was stopped, ends with one file that appears
+//! complete, and is done only once.
 //!
 //! ```text
 //! RUNS/ID/task.json     the trial
 //! RUNS/ID/training/     the run, if something is learned
 //! RUNS/ID/rehearsal/    the rehearsal, if it is one
-//! RUNS/ID/recordings/   excitations of the twin, and RUNS/ID/identified/, if the simulator is fitted
+//! RUNS/ID/recordings/   excitations of the twin, and RUNS/ID/identified/, of a fit
 //! RUNS/ID/log.txt       messages of the trial's process
 //! RUNS/ID/times.json    when, where and how long: this differs between machines
 //! RUNS/ID/result.json   the result, the same however the trial was run; written last
@@ -47,7 +48,8 @@ const SEED_STRIDE: u64 = 1000;
 /// Share of a trial's time that the training takes where a performance follows.
 const TRAINING_SHARE: f64 = 0.9;
 
-/// Does a trial in its folder among `runs`, or resumes it. `threads` as in `trainer.threads`; `command` is stored with the times.
+/// Does a trial in its folder among `runs`, or resumes it. `threads` as in `trainer.threads`;
+/// `command` is stored with the times.
 ///
 /// # Errors
 /// If it fails; what is complete is kept, and the same call tries again.
@@ -68,7 +70,8 @@ pub fn run_trial(
     std::fs::create_dir_all(&folder).map_err(|error| file_error(&folder, &error))?;
     let path = folder.join(LOCK);
     let lock = File::create(&path).map_err(|error| file_error(&path, &error))?;
-    // `TrialState::of` holds the lock for a moment. Where the file system has no locks, every process gets it.
+    // `TrialState::of` holds the lock for a moment. Where the file system has no locks, every
+    // process gets it.
     let mut attempts = 1;
     while matches!(lock.try_lock(), Err(TryLockError::WouldBlock)) {
         if attempts == MAX_ATTEMPTS {
@@ -100,7 +103,8 @@ pub fn run_trial(
         }
     };
     let (result, times) = match done {
-        // An interruption may also show as an error, for example while the twin moves to the keyboard.
+        // An interruption may also show as an error, for example while the twin moves to the
+        // keyboard.
         Err(_) if running.job.is_interrupted() => return Ok(TrialEnd::Stopped),
         done => done?,
     };
@@ -195,8 +199,8 @@ impl RunningTrial<'_, '_> {
         Ok((self.result(rows, Vec::new()), self.times(begun.elapsed().as_secs_f64(), Vec::new())))
     }
 
-    /// Scores of a player in simulation and, with `perform`, of each of its runs on the twin. Before
-    /// that this `share` of the trial is done.
+    /// Scores of a player in simulation and, with `perform`, of each of its runs on the twin.
+    /// Before that this `share` of the trial is done.
     fn scores(
         &mut self,
         song: &Song,
