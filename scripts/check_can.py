@@ -3,7 +3,7 @@
 
     check_can.py /dev/pts/N
 
-The adapter (slcan) at this path must have the hand of crates/emulators/tests/can.rs behind it. The
+The adapter (slcan) at this path must have the hand of crates/robot/tests/drivers/can.rs behind it. The
 script asks for the information and the serial number, starts the position stream, drives the middle
 finger's proximal joint and sees it move.
 """
@@ -21,7 +21,7 @@ RAD_PER_COUNT = 333.3 / 65536 * 3.141592653589793 / 180
 # Slower than the hand's usual 3 ms: python-can reads byte by byte, and must keep up on a busy
 # machine.
 PERIOD_MS = 10
-PATIENCE_SECS = 20.0
+TIMEOUT_SECS = 20.0
 MIDDLE = 1
 
 
@@ -30,13 +30,13 @@ def send(bus, identifier, data=b""):
 
 
 def receive(bus, identifier):
-    end = time.monotonic() + PATIENCE_SECS
+    end = time.monotonic() + TIMEOUT_SECS
     while time.monotonic() < end:
         message = bus.recv(0.1)
         if message is not None and message.arbitration_id == identifier:
             assert not message.is_remote_frame and not message.is_extended_id, message
             return bytes(message.data)
-    raise SystemExit(f"no frame {identifier:03X} within {PATIENCE_SECS} s")
+    raise SystemExit(f"no frame {identifier:03X} within {TIMEOUT_SECS} s")
 
 
 def ask(bus, identifier):
@@ -73,7 +73,7 @@ def main(channel: str) -> int:
         send(bus, PERIODS, struct.pack("<3H", PERIOD_MS, 0, 0))
         order, start = [], time.monotonic()
         while len(order) < 400:
-            message = bus.recv(PATIENCE_SECS)
+            message = bus.recv(TIMEOUT_SECS)
             if message is None:
                 raise SystemExit("the position stream has stopped")
             if POSITION <= message.arbitration_id < POSITION + 16:

@@ -68,8 +68,8 @@ struct NamedPiece {
     kinds: Vec<&'static str>,
 }
 
-/// The first `count` melodies of a part.
-fn melodies(part: Split, count: usize) -> impl Iterator<Item = (String, Song)> {
+/// The first `count` melodies of a split.
+fn melodies(split: Split, count: usize) -> impl Iterator<Item = (String, Song)> {
     let all = (0..).map(|seed| (format!("{MELODY}{seed}"), melody(seed)));
     all.filter(move |(_, song)| song.split() == split).take(count)
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Subcommand, ValueEnum, ValueHint};
 use etude_experiment::{
-    Experiment, LaunchProgress, LocalConfig, ExperimentConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
+    Experiment, ExperimentConfig, LaunchProgress, LocalConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
     TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
     submit, write_plan,
 };
