@@ -238,7 +238,8 @@ impl RunningTrial<'_, '_> {
                 correction: None,
                 font: None,
             };
-            let mut job = Job::new(&mut |_| {}, self.job.interrupt());
+            let on_progress = &mut |_: &_| {};
+            let mut job = Job::new(on_progress, self.job.interrupt());
             let report = play_on_robot(&play, None, &mut planner, &mut job)?;
             if self.job.is_interrupted() {
                 bail!(STOPPED);
