@@ -29,7 +29,7 @@ impl Studio {
     fn new(like: &World, size: [u32; 2], view: View) -> PyResult<Self> {
         let mut world = World::new(like.config(), like.params()).map_err(error)?;
         let painter = Painter::new(&mut world, size, view, true).map_err(error)?;
-        let shapes = world.ornaments();
+        let shapes = world.visual_geoms();
         Ok(Self { stage: like.config().clone(), size, view, world, shapes, painter })
     }
 }

@@ -79,7 +79,7 @@ fn main() -> anyhow::Result<()> {
 
     let limits: Vec<_> =
         pieces.iter().filter_map(Piece::fingering).map(|fingering| fingering.limits()).collect();
-    let skipped: usize = limits.iter().map(|limits| limits.skipped().count()).sum();
+    let skipped: usize = limits.iter().map(|limits| limits.omitted().count()).sum();
     let early: usize = limits.iter().map(|limits| limits.notes.len()).sum::<usize>() - skipped;
     let lost: usize = limits.iter().map(|limits| limits.lost_steps()).sum();
     let due: usize = pieces.iter().flat_map(|piece| piece.frames()).map(|keys| keys.len()).sum();
@@ -89,7 +89,7 @@ fn main() -> anyhow::Result<()> {
         early as f64 / total,
         lost as f64 / due as f64
     );
-    let whole = limits.iter().filter(|limits| limits.skipped().count() == 0).count();
+    let whole = limits.iter().filter(|limits| limits.omitted().count() == 0).count();
     println!("melodies without a skipped note: {:.3}", whole as f64 / count as f64);
     Ok(())
 }

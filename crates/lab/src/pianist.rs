@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, bail};
 use etude_learn::Policy;
 use etude_music::Song;
-use etude_task::reward::OF_A_FINGERING;
+use etude_task::reward::FINGERING_TERMS;
 use etude_task::{ACTION_LEN, Piece, ScriptedBaseline, TaskConfig, TaskError, layout};
 use serde_json::Value;
 
@@ -119,7 +119,7 @@ impl Pianist {
     pub fn scripted() -> Self {
         let mut changes = ["task.fingering=false", "task.finger_range=0"].map(str::to_string).to_vec();
         changes.push(format!("task.change_steps={}", TaskConfig::default().change_steps));
-        changes.extend(OF_A_FINGERING.map(|term| format!("task.reward.{term}=0")));
+        changes.extend(FINGERING_TERMS.map(|term| format!("task.reward.{term}=0")));
         let config = resolve(DEFAULT_PRESET, None, &changes).expect("a preset of our own is sound");
         Self {
             kind: Kind::Script,

@@ -46,7 +46,7 @@ pub fn predict_zero_shot(
     let secs = frames.len() as f64 / etude_music::CONTROL_HZ;
     let planned = frame_scores(frames, &piece.planned()).f1;
     Some(ZeroShot {
-        notes_right: limits.total_notes.saturating_sub(limits.skipped().count() + limits.merged_notes),
+        notes_right: limits.total_notes.saturating_sub(limits.omitted().count() + limits.merged_notes),
         f1: (planned - LOST_AT_AN_ONSET_SECS * onsets as f64 / secs).max(0.0),
     })
 }
@@ -77,7 +77,7 @@ pub fn easier(
     piece: &Piece,
     planner: &mut Planner<'_>,
 ) -> Option<Arrangement> {
-    let skipped = |piece: &Piece| Some(piece.fingering()?.limits().skipped().count());
+    let skipped = |piece: &Piece| Some(piece.fingering()?.limits().omitted().count());
     let now =
         Arrangement { stretch: 1.0, melody: false, notes: song.notes().len(), left_out: skipped(piece)? };
     let share = |it: &Arrangement| it.left_out as f64 / it.notes.max(1) as f64;
@@ -117,5 +117,5 @@ pub fn cannot_be_played(
         return Ok(Vec::new());
     }
     let piece = planner.plan(song, task)?;
-    Ok(piece.fingering().and_then(|fingering| fingering.limits().left_out()).into_iter().collect())
+    Ok(piece.fingering().and_then(|fingering| fingering.limits().omissions()).into_iter().collect())
 }

@@ -9,7 +9,7 @@ use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 use serde::{Deserialize, Serialize};
 
-use crate::robot_rig::Waypoints;
+use crate::shaping::Waypoints;
 use crate::stats::{deviation, sorted};
 
 /// How the joints were asked to move in a performance and how they moved, at the end of each physics step: rad, the rail in m.

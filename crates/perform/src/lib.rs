@@ -44,11 +44,11 @@ pub use messages::{
 };
 pub use mode::Mode;
 pub use perform::perform;
-pub use performance::{Ending, Executed, Performance, Scores, Simulated, Stepped, gap};
+pub use performance::{Ending, Performance, PlayedStep, RobotResult, Scores, SimulationResult, gap};
 pub use prepare::{prepare, record_release};
 pub use recorder::Recorder;
 pub use recording::{Recording, RecordingError};
-pub use rig::{Command, Rig, RigState};
+pub use rig::{Rig, StepEnd};
 pub use robot_rig::RobotRig;
 pub use shaping::shaping_params;
 pub use shell::{shell_line, shell_word};

@@ -2,36 +2,37 @@
 
 use etude_robot::rig::LimitsConfig;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World, joint_range};
-use etude_task::{TaskConfig, TaskError};
+use etude_task::{Command, RigState, TaskConfig, TaskError};
 
 use crate::mode::Mode;
-use crate::performance::{Ending, Performance, Stepped};
-use crate::rig::{Command, Rig, RigState, UNSTABLE};
-use crate::robot_rig::{RobotRig, Waypoints};
-use crate::shaping::slow_while_keys_are_down;
+use crate::performance::{Ending, Performance, PlayedStep};
+use crate::rig::{Rig, StepEnd, UNSTABLE};
+use crate::robot_rig::RobotRig;
+use crate::shaping::{Waypoints, slow_while_keys_are_down};
 use crate::{PerformError, Recorder};
 
-/// Where the keys that the player sees come from.
+/// Where the keys of the observation come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Keys {
+enum KeySource {
     /// From the simulation.
     Simulated,
     /// From the robot.
     Robot,
 }
 
-/// A simulation beside a robot. The player sees the joints of the simulation, and the keys of one of the two.
+/// A simulation beside a robot. The observation has the joints of the simulation, and the keys of one of the
+/// two.
 struct Mirrored<'a> {
     world: World,
     robot: RobotRig<'a>,
-    keys: Keys,
+    keys: KeySource,
 }
 
 impl Mode {
     /// The simulation of `task` that runs beside a robot with these limits in this mode, if one does.
     ///
     /// # Errors
-    /// If the task's configuration is not sound.
+    /// If the task's configuration is not valid.
     pub fn simulation(self, task: &TaskConfig, limits: &LimitsConfig) -> Result<Option<World>, TaskError> {
         if !self.has_simulation() {
             return Ok(None);
@@ -39,9 +40,10 @@ impl Mode {
         Ok(Some(World::new(&task.stage, &slow_while_keys_are_down(task.params()?, limits))?))
     }
 
-    /// Puts the rig of this mode together: `robot` alone, or with its [`simulation`](Self::simulation) beside it.
+    /// Puts the rig of this mode together: `robot` alone, or with its [`simulation`](Self::simulation) beside
+    /// it.
     pub fn rig<'a>(self, simulation: Option<World>, robot: RobotRig<'a>) -> Box<dyn Rig + 'a> {
-        let keys = if self == Self::JointMirroring { Keys::Simulated } else { Keys::Robot };
+        let keys = if self == Self::JointMirroring { KeySource::Simulated } else { KeySource::Robot };
         match simulation {
             Some(world) => Box::new(Mirrored { world, robot, keys }),
             None => Box::new(robot),
@@ -57,18 +59,20 @@ impl Rig for Mirrored<'_> {
 
     fn state(&self) -> RigState {
         let keys = match self.keys {
-            Keys::Simulated => self.world.pressed(),
-            Keys::Robot => self.robot.state().keys,
+            KeySource::Simulated => self.world.pressed(),
+            KeySource::Robot => self.robot.state().keys,
         };
-        RigState { joints: self.world.joints(), set_points: self.world.set_points(), keys }
+        RigState { keys, ..(&self.world).into() }
     }
 
     fn step(
         &mut self,
         command: &Command<'_>,
+        observation: &[f32],
         recorder: &mut Recorder<'_>,
-    ) -> Result<Result<Stepped, Ending>, PerformError> {
-        // The set-points are the simulated joints after each physics step. A simulated stop yields a little, where the robot's range ends.
+    ) -> Result<StepEnd, PerformError> {
+        // The set-points are the simulated joints after each physics step. A simulated stop yields a little,
+        // where the robot's range ends.
         let mut waypoints: Waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
         let mut unstable = false;
         let world = &mut self.world;
@@ -89,8 +93,8 @@ impl Rig for Mirrored<'_> {
         if unstable {
             return Ok(Err(Ending::Fault(UNSTABLE.to_string())));
         }
-        let followed = self.robot.follow(&waypoints, command, recorder)?;
-        Ok(followed.map(|pressed| Stepped { pressed, alongside: Some(self.world.pressed()) }))
+        let followed = self.robot.follow(&waypoints, command, observation, recorder)?;
+        Ok(followed.map(|pressed| PlayedStep { pressed, simulated: Some(self.world.pressed()) }))
     }
 
     fn run_while(&mut self, work: &mut (dyn FnMut() + Send)) {

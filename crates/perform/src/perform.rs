@@ -2,23 +2,24 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use etude_task::{ACTION_LEN, History, Piece, Player, TargetRange, TaskConfig, layout, observe};
+use etude_task::{ACTION_LEN, Piece, Player, Stepper, TaskConfig, layout};
 
 use crate::error::PerformError;
 use crate::performance::{Ending, Performance};
-use crate::rig::{Command, Rig, RigState};
+use crate::rig::Rig;
 use crate::{Recorder, RecordingWriter};
 
 /// The fault of a player whose action is no number.
 const NO_ACTION: &str = "the player's action is not a finite number: check its policy";
 
-/// Plays `piece` once from its beginning. `task` is the task that `player` was trained in and `rig` was made for: it decides the
-/// columns of the observation. `writer` receives the recording, if there is one; `interrupt` ends the performance before the next
-/// control step.
+/// Plays `piece` once from its beginning. `task` is the task that `player` was trained in and `rig` was made
+/// for: it decides the columns of the observation. `writer` receives the recording, if there is one;
+/// `interrupt` ends the performance before the next control step.
 ///
 /// # Errors
-/// If a robot does not hold still in the starting pose, or the recording cannot be written. A fault of a robot during the
-/// performance is not an error but an [`Ending`]. Without a fault the robot still has power afterwards and holds its pose.
+/// If a robot does not hold still in the starting pose, the piece was not planned for the task, or the
+/// recording cannot be written. A fault of a robot during the performance is not an error but an [`Ending`].
+/// Without a fault the robot still has power afterwards and holds its pose.
 pub fn perform(
     rig: &mut dyn Rig,
     player: &mut dyn Player,
@@ -50,31 +51,25 @@ fn play(
     recorder: &mut Recorder<'_>,
     interrupt: &AtomicBool,
 ) -> Result<Ending, PerformError> {
-    let piece = performance.piece.clone();
-    let range = TargetRange::new(&piece);
+    let mut stepper = Stepper::new(task, &performance.piece, &rig.state())?;
     let mut observation = vec![0.0; layout(task).len()];
     let mut action = [0.0; ACTION_LEN];
-    let RigState { joints, set_points, .. } = rig.state();
-    let mut history = History::at_rest(task.observed(joints, set_points), &range, 0);
-    for step in 0..piece.steps() {
+    while !stepper.is_over() {
         if interrupt.load(Ordering::Relaxed) {
             return Ok(Ending::Interrupted);
         }
-        let RigState { joints, set_points, keys } = rig.state();
-        let joints = task.observed(joints, set_points);
-        observe(task, &joints, &history, keys, &piece, step, &mut observation);
+        let (state, step) = (rig.state(), stepper.position());
+        stepper.observe(&state, &mut observation);
         rig.run_while(&mut || player.act(step, &observation, &mut action));
         // The filters of a target would keep it for the rest of the song.
         if !action.iter().all(|value| value.is_finite()) {
             return Ok(Ending::Fault(NO_ACTION.to_string()));
         }
-        history.push(joints, &action);
-        let targets = range.targets(&action, step);
-        let command = Command { step, observation: &observation, action: &action, targets };
-        match rig.step(&command, recorder)? {
-            Ok(stepped) => performance.push(stepped),
+        match rig.step(&stepper.command(&action), &observation, recorder)? {
+            Ok(played) => performance.push(played),
             Err(ending) => return Ok(ending),
         }
+        stepper.advance(&state, &action);
     }
     Ok(Ending::Complete)
 }

@@ -18,7 +18,7 @@ pub struct Performance {
     /// Keys that sounded at the end of each control step that was played.
     pub pressed: Vec<KeySet>,
     /// The same in the simulation beside a robot; empty without one.
-    pub alongside: Vec<KeySet>,
+    pub simulated: Vec<KeySet>,
     /// Keys that were down at the beginning.
     pub down_before: KeySet,
     /// Strikes and releases, at times since the beginning. On a robot until [`Piece::late_secs`] after the last control step.
@@ -26,18 +26,18 @@ pub struct Performance {
     /// How it ended.
     pub ending: Ending,
     /// What only a simulation measures.
-    pub simulation: Option<Simulated>,
+    pub simulation: Option<SimulationResult>,
     /// What only a robot measures.
-    pub robot: Option<Executed>,
+    pub robot: Option<RobotResult>,
 }
 
 /// One control step as it was played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stepped {
+pub struct PlayedStep {
     /// Keys that sound at its end.
     pub pressed: KeySet,
     /// Keys that sound at its end in the simulation beside a robot; `None` without one.
-    pub alongside: Option<KeySet>,
+    pub simulated: Option<KeySet>,
 }
 
 /// How a performance or a recording ended.
@@ -64,7 +64,7 @@ impl std::fmt::Display for Ending {
 
 /// What only a simulation measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Simulated {
+pub struct SimulationResult {
     /// Sum of the rewards.
     pub reward: f64,
     /// Fraction of the piece's control steps without a collision.
@@ -73,7 +73,7 @@ pub struct Simulated {
 
 /// What only a robot measures.
 #[derive(Clone, Debug, Default)]
-pub struct Executed {
+pub struct RobotResult {
     /// Deadlines and periods.
     pub timing: Timing,
     /// Set-points that the limiter changed, counted by joint.
@@ -101,7 +101,7 @@ impl Performance {
         Self {
             piece: piece.clone(),
             pressed: Vec::with_capacity(piece.steps()),
-            alongside: Vec::new(),
+            simulated: Vec::new(),
             down_before: KeySet::EMPTY,
             events: Vec::new(),
             ending: Ending::Interrupted,
@@ -111,9 +111,9 @@ impl Performance {
     }
 
     /// Adds a control step.
-    pub(crate) fn push(&mut self, stepped: Stepped) {
-        self.pressed.push(stepped.pressed);
-        self.alongside.extend(stepped.alongside);
+    pub(crate) fn push(&mut self, step: PlayedStep) {
+        self.pressed.push(step.pressed);
+        self.simulated.extend(step.simulated);
     }
 
     /// Keys that were heard for each control step of the piece: in a simulation at its end, on a robot [`Piece::late_secs`] later; silence
@@ -141,7 +141,7 @@ impl Performance {
     }
 
     /// Its notes, and those that were planned.
-    pub fn strokes(&self) -> PlayedNotes {
+    pub fn played_notes(&self) -> PlayedNotes {
         PlayedNotes { planned: self.planned_notes(), played: self.notes(), end_secs: self.secs() }
     }
 
@@ -163,9 +163,9 @@ impl Performance {
     }
 
     /// F1 by control step of the simulation beside a robot; `None` without one.
-    pub fn alongside_f1(&self) -> Option<f64> {
-        let played = padded(&self.alongside, self.piece.steps());
-        (!self.alongside.is_empty()).then(|| frame_scores(self.piece.frames(), &played).f1)
+    pub fn simulated_f1(&self) -> Option<f64> {
+        let played = padded(&self.simulated, self.piece.steps());
+        (!self.simulated.is_empty()).then(|| frame_scores(self.piece.frames(), &played).f1)
     }
 }
 
@@ -212,12 +212,12 @@ mod tests {
             let piece = Piece::for_task(&song, &task).unwrap();
             let f1 = |late_secs: f64| {
                 let mut played = Performance::new(&piece);
-                played.robot = Some(Executed::default());
+                played.robot = Some(RobotResult::default());
                 played.events = changes(piece.frames(), latency_compensation_secs + late_secs);
                 let recorded_secs = played.secs() + piece.late_secs();
                 played.events.retain(|event| event.secs <= recorded_secs);
                 for _ in 0..piece.steps() {
-                    played.push(Stepped { pressed: KeySet::EMPTY, alongside: None });
+                    played.push(PlayedStep { pressed: KeySet::EMPTY, simulated: None });
                 }
                 played.scores().frame.f1
             };
@@ -247,9 +247,9 @@ mod tests {
             let mut played = Performance::new(&piece);
             let frames = if fingering { piece.planned() } else { piece.frames().to_vec() };
             for pressed in &frames {
-                played.push(Stepped { pressed: *pressed, alongside: None });
+                played.push(PlayedStep { pressed: *pressed, simulated: None });
             }
-            let strokes = played.strokes();
+            let strokes = played.played_notes();
             assert_eq!(strokes.planned.len(), 14);
             assert!(strokes.played.is_empty() && strokes.end_secs == played.secs());
             for (note, due) in strokes.planned.iter().zip(piece.notes()) {

@@ -1,4 +1,5 @@
-//! A robot as a rig. The player sees its joints and keys; its set-points are shaped within the limits of its rig file.
+//! A robot as a rig. The observation has its joints and keys; its set-points are shaped within the limits of
+//! its rig file.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -6,25 +7,23 @@ use std::time::Duration;
 use etude_music::{CONTROL_HZ, KEY_COUNT, KeySet};
 use etude_robot::{Pace, Phase, Record, Robot};
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, RAIL};
+use etude_task::{Command, RigState};
 
 use crate::correction::{Correction, Tracking};
 use crate::messages::{PolicyMessage, StepMessage, TargetMessage};
-use crate::performance::{Ending, Executed, Performance, Stepped};
+use crate::performance::{Ending, Performance, PlayedStep, RobotResult};
 use crate::prepare::STOPPED;
 use crate::recorder::{RobotRecords, take_records};
 use crate::recording::RecordingError;
-use crate::rig::{Command, Rig, RigState};
-use crate::shaping::Shaping;
+use crate::rig::{Rig, StepEnd};
+use crate::shaping::{Shaping, Waypoints};
 use crate::timing::{CONTROL_PERIOD, Timing};
 use crate::{PerformError, Recorder};
 
 /// How long the robot holds still before the first control step.
 const SETTLE: Duration = Duration::from_millis(300);
 /// Time between two readings of the records of a robot at rest.
-const SLICE: Duration = Duration::from_millis(50);
-
-/// Set-points of one control step, one for each physics step: rad, the rail in m.
-pub(crate) type Waypoints = [[f64; DRIVEN_JOINTS]; PHYSICS_STEPS];
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// A robot that has been prepared ([`prepare`](crate::prepare())) and holds still in the starting pose.
 pub struct RobotRig<'a> {
@@ -36,7 +35,7 @@ pub struct RobotRig<'a> {
     timing: Timing,
     /// Added to the set-points.
     correction: Option<&'a Correction>,
-    /// How the joints were asked to move and how they moved; gathered for a correction alone.
+    /// How the joints were asked to move and how they moved; measured for a correction alone.
     tracking: Tracking,
     /// What is not written yet of the step that has ended.
     ended: Option<StepMessage>,
@@ -58,8 +57,8 @@ impl<'a> RobotRig<'a> {
         }
     }
 
-    /// The same rig, which adds `correction` to its set-points and measures the tracking. It is for a robot that follows simulated
-    /// joints.
+    /// The same rig, which adds `correction` to its set-points and measures the tracking. It is for a robot
+    /// that follows simulated joints.
     pub fn corrected(self, correction: Option<&'a Correction>) -> Self {
         Self { correction, ..self }
     }
@@ -69,6 +68,7 @@ impl<'a> RobotRig<'a> {
         &mut self,
         waypoints: &Waypoints,
         command: &Command<'_>,
+        observation: &[f32],
         recorder: &mut Recorder<'_>,
     ) -> Result<Result<KeySet, Ending>, PerformError> {
         let step = command.step as u64;
@@ -89,7 +89,7 @@ impl<'a> RobotRig<'a> {
             recorder.write(begin_secs, || TargetMessage { step, targets: command.targets.to_vec() })?;
             recorder.write(begin_secs, || PolicyMessage {
                 step,
-                observation: command.observation.to_vec(),
+                observation: observation.to_vec(),
                 action: command.action.to_vec(),
                 late_secs: late.as_secs_f64(),
             })
@@ -116,7 +116,8 @@ impl<'a> RobotRig<'a> {
         Ok(Ok(pressed))
     }
 
-    /// Writes what was done and measured since the last call, and what `begins`, while the robot is controlled.
+    /// Writes what was done and measured since the last call, and what `begins`, while the robot is
+    /// controlled.
     fn record(
         &mut self,
         recorder: &mut Recorder<'_>,
@@ -133,25 +134,25 @@ impl<'a> RobotRig<'a> {
         Ok(take_records(self.robot, self.pace, write)?)
     }
 
-    /// Records the robot while it holds still, until `longest` has passed or `interrupt` is set.
+    /// Records the robot while it holds still, until `timeout` has passed or `interrupt` is set.
     ///
     /// # Errors
     /// If the recording cannot be written.
     pub fn hold(
         &mut self,
-        longest: Option<Duration>,
+        timeout: Option<Duration>,
         recorder: &mut Recorder<'_>,
         interrupt: &AtomicBool,
     ) -> Result<Ending, PerformError> {
         let begun = self.records.begun();
         loop {
-            if longest.is_some_and(|longest| self.pace.now() >= begun + longest) {
+            if timeout.is_some_and(|timeout| self.pace.now() >= begun + timeout) {
                 return Ok(Ending::Complete);
             }
             if interrupt.load(Ordering::Relaxed) {
                 return Ok(Ending::Interrupted);
             }
-            let next = self.pace.now() + SLICE;
+            let next = self.pace.now() + POLL_INTERVAL;
             self.pace.run_until(self.robot, next);
             self.record(recorder, |_| Ok(()))?;
             recorder.events.clear();
@@ -178,13 +179,14 @@ impl Rig for RobotRig<'_> {
     fn step(
         &mut self,
         command: &Command<'_>,
+        observation: &[f32],
         recorder: &mut Recorder<'_>,
-    ) -> Result<Result<Stepped, Ending>, PerformError> {
+    ) -> Result<StepEnd, PerformError> {
         let mut waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
         let key_down = keys(self.robot) != KeySet::EMPTY;
         self.shaping.shape(&command.targets, key_down, &mut waypoints);
-        let followed = self.follow(&waypoints, command, recorder)?;
-        Ok(followed.map(|pressed| Stepped { pressed, alongside: None }))
+        let followed = self.follow(&waypoints, command, observation, recorder)?;
+        Ok(followed.map(|pressed| PlayedStep { pressed, simulated: None }))
     }
 
     fn run_while(&mut self, work: &mut (dyn FnMut() + Send)) {
@@ -206,7 +208,7 @@ impl Rig for RobotRig<'_> {
             self.pace.run_until(self.robot, self.records.begun() + played + late);
         }
         self.record(recorder, |_| Ok(()))?;
-        performance.robot = Some(Executed {
+        performance.robot = Some(RobotResult {
             timing: std::mem::take(&mut self.timing),
             clamped: self.robot.clamped() - self.clamped_before,
             lost_records: self.robot.lost_records(),

@@ -1,16 +1,20 @@
-//! Turns joint targets into set-points where no simulation runs: the low-pass and the bounded reference of a simulated joint with
-//! default parameters, within the limits of the rig's limiter.
+//! Turns joint targets into set-points where no simulation runs: the low-pass and the bounded reference of a
+//! simulated joint with default parameters, within the limits of the rig's limiter.
 //!
-//! It depends on the rig and not on the policy. The parameters of a simulator that was fitted to a robot already include this
-//! shaping, so the policy's own simulator must not shape the targets a second time.
+//! It depends on the rig and not on the policy. The parameters of a simulator that was fitted to a robot
+//! already include this shaping, so the policy's own simulator must not shape the targets a second time.
 
 use etude_robot::rig::LimitsConfig;
 use etude_stage::controller::{Actuation, Controller, Gains};
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
 
-/// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it does not clamp them.
-const WITHIN: f64 = 0.95;
+/// Set-points of one control step, one for each physics step: rad, the rail in m.
+pub(crate) type Waypoints = [[f64; DRIVEN_JOINTS]; PHYSICS_STEPS];
+
+/// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it does not
+/// clamp them.
+const LIMIT_SHARE: f64 = 0.95;
 
 /// Shapes targets into set-points.
 pub(crate) struct Shaping {
@@ -35,7 +39,7 @@ impl Shaping {
         &mut self,
         targets: &[f64; DRIVEN_JOINTS],
         key_down: bool,
-        waypoints: &mut [[f64; DRIVEN_JOINTS]; PHYSICS_STEPS],
+        waypoints: &mut Waypoints,
     ) {
         let rail = if key_down { self.key_down_gains } else { self.gains[RAIL] };
         for waypoint in waypoints {
@@ -49,19 +53,19 @@ impl Shaping {
     }
 }
 
-/// Parameters of simulated joints with the low-pass and reference that shape a rig's commands: the start values of a fit to
-/// a robot.
+/// Parameters of simulated joints with the low-pass and reference that shape a rig's commands: the start
+/// values of a fit to a robot.
 pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
     let mut params = PhysicalParams::default();
     for joint in 0..DRIVEN_JOINTS {
-        let most = if joint == RAIL {
+        let limits_of_joint = if joint == RAIL {
             [limits.rail_velocity, limits.rail_acceleration, limits.rail_jerk]
         } else {
             [limits.finger_velocity, limits.finger_acceleration, limits.finger_jerk]
         };
         let rows = [JointRow::VelocityLimit, JointRow::AccelerationLimit, JointRow::JerkLimit];
-        for (row, most) in rows.into_iter().zip(most) {
-            params.set_joint(row, joint, params.joint(row, joint).min(WITHIN * most));
+        for (row, limit) in rows.into_iter().zip(limits_of_joint) {
+            params.set_joint(row, joint, params.joint(row, joint).min(LIMIT_SHARE * limit));
         }
     }
     slow_while_keys_are_down(params, limits)
@@ -69,7 +73,7 @@ pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
 
 /// The same parameters, with the rig's limit on the rail while a key is down.
 pub(crate) fn slow_while_keys_are_down(mut params: PhysicalParams, limits: &LimitsConfig) -> PhysicalParams {
-    let slow = params.world(WorldRow::KeyDownSpeed).min(WITHIN * limits.key_down_rail_velocity);
+    let slow = params.world(WorldRow::KeyDownSpeed).min(LIMIT_SHARE * limits.key_down_rail_velocity);
     params.set_world(WorldRow::KeyDownSpeed, slow);
     params
 }

@@ -4,16 +4,16 @@ use etude_stage::FINGERS;
 
 /// Assigns fingers to keys so that the summed lateral distance is smallest.
 ///
-/// `keys` and `fingers` are lateral positions along the keyboard, m. `chosen[i]` becomes the finger for `keys[i]`. Each finger is
-/// assigned to at most one key; with more keys than fingers, the keys that cost most get none. The search is exhaustive and so
-/// exact; ties go to the lower finger.
+/// `keys` and `fingers` are lateral positions along the keyboard, m. `chosen[i]` becomes the finger for
+/// `keys[i]`. Each finger is assigned to at most one key; with more keys than fingers, the keys that cost
+/// most get none. The search is exhaustive and so exact; ties go to the lower finger.
 ///
-/// The cost is the lateral distance alone, as in the paper ("Reward Design"): a low finger is not preferred over a higher one
-/// right above the key.
+/// The cost is the lateral distance alone, as in the paper ("Reward Design"): a low finger is not preferred
+/// over a higher one right above the key.
 pub fn assign(keys: &[f64], fingers: &[f64; FINGERS], chosen: &mut [Option<usize>]) {
     let mut best = (0, f64::INFINITY);
-    let mut current = [None; MOST_KEYS];
-    let count = keys.len().min(chosen.len()).min(MOST_KEYS);
+    let mut current = [None; MAX_KEYS];
+    let count = keys.len().min(chosen.len()).min(MAX_KEYS);
     search(&keys[..count], fingers, 0, 0, (0, 0.0), &mut current, &mut best, chosen);
     for slot in chosen.iter_mut().skip(count) {
         *slot = None;
@@ -21,7 +21,7 @@ pub fn assign(keys: &[f64], fingers: &[f64; FINGERS], chosen: &mut [Option<usize
 }
 
 /// Keys beyond this many are ignored: a chord that three fingers can play has fewer.
-const MOST_KEYS: usize = 8;
+const MAX_KEYS: usize = 8;
 
 #[allow(clippy::too_many_arguments)] // A recursion over plain state reads better than a struct for it.
 fn search(
@@ -30,7 +30,7 @@ fn search(
     index: usize,
     used: u32,
     (served, cost): (usize, f64),
-    current: &mut [Option<usize>; MOST_KEYS],
+    current: &mut [Option<usize>; MAX_KEYS],
     best: &mut (usize, f64),
     chosen: &mut [Option<usize>],
 ) {

@@ -9,31 +9,32 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
 use crate::environment::Environment;
-use crate::{ACTION_LEN, Piece, TaskConfig, TaskError, VectorPiano, layout};
+use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError, VectorPiano, layout};
 
 /// Rates of one measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stepping {
+pub struct StepRates {
     /// Control steps per second of one environment: controllers, physics, keys, reward, observation.
     pub steps_per_sec: f64,
     /// Control steps per second of only the `mj_step` calls that those steps make, under the same torques.
     pub bare_steps_per_sec: f64,
 }
 
-impl Stepping {
+impl StepRates {
     /// Time in addition to MuJoCo's, as a fraction of MuJoCo's.
     pub fn overhead(&self) -> f64 {
         self.bare_steps_per_sec / self.steps_per_sec - 1.0
     }
 }
 
-/// Measures with random actions on `song` for about `secs` each. Episodes of the environment and of bare MuJoCo alternate, so that
-/// other load on the machine slows both equally.
+/// Measures with random actions on `song` for about `secs` each. Episodes of the environment and of bare
+/// MuJoCo alternate, so that other load on the machine slows both equally.
 ///
 /// # Errors
-/// If the configuration is not sound.
-pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping, TaskError> {
+/// If the configuration is not valid.
+pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<StepRates, TaskError> {
     let piece = Piece::for_task(song, config)?;
+    let range = TargetRange::new(&piece);
     let mut environment = Environment::new(config, &piece, 0)?;
     let mut observer = World::new(&config.stage, &config.params()?)?;
     let mut bare = World::new(&config.stage, &config.params()?)?;
@@ -53,9 +54,7 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping,
         full_secs += start.elapsed().as_secs_f64();
         let mut torques: Vec<[f64; DRIVEN_JOINTS]> = Vec::new();
         for (step, action) in actions.iter().enumerate() {
-            observer.step_watched(&environment.range().targets(action, step), |world| {
-                torques.push(*world.torques())
-            });
+            observer.step_watched(&range.targets(action, step), |world| torques.push(*world.torques()));
         }
         observer.reset();
         let start = Instant::now();
@@ -66,17 +65,17 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping,
         bare_secs += start.elapsed().as_secs_f64();
         steps += piece.steps() as u32;
     }
-    Ok(Stepping {
+    Ok(StepRates {
         steps_per_sec: f64::from(steps) / full_secs,
         bare_steps_per_sec: f64::from(steps) / bare_secs,
     })
 }
 
-/// Control steps per second over all cores, of four environments a core that step together under random actions,
-/// measured for about `secs`.
+/// Control steps per second over all cores, of four environments a core that step together under random
+/// actions, measured for about `secs`.
 ///
 /// # Errors
-/// If the configuration is not sound.
+/// If the configuration is not valid.
 pub fn all_cores(config: &TaskConfig, song: &Song, secs: f64) -> Result<f64, TaskError> {
     let piece = Piece::for_task(song, config)?;
     let num_envs = 4 * std::thread::available_parallelism().map_or(1, usize::from);
@@ -84,11 +83,11 @@ pub fn all_cores(config: &TaskConfig, song: &Song, secs: f64) -> Result<f64, Tas
     let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());
     let mut random = Pcg64::seed_from_u64(0);
     let mut actions = vec![0.0; num_envs * ACTION_LEN];
-    let (start, mut rounds) = (Instant::now(), 0u32);
+    let (start, mut vector_steps) = (Instant::now(), 0u32);
     while start.elapsed().as_secs_f64() < secs {
         actions.fill_with(|| random.random_range(-1.0..=1.0));
         vector.step(&actions, &mut batch);
-        rounds += 1;
+        vector_steps += 1;
     }
-    Ok(f64::from(rounds) * num_envs as f64 / start.elapsed().as_secs_f64())
+    Ok(f64::from(vector_steps) * num_envs as f64 / start.elapsed().as_secs_f64())
 }

@@ -2,13 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use etude_music::KeyScheduleConfig;
-use etude_stage::{DRIVEN_JOINTS, ParamError, PhysicalParams, RAIL, StageConfig};
+use etude_checks::check_range;
+use etude_music::PlanConfig;
+use etude_stage::{ParamError, PhysicalParams, StageConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::error::TaskError;
-use crate::observation::MOST_ACTIONS;
 use crate::randomise::RandomisationConfig;
+use crate::reward::FINGERING_TERMS;
+
+/// The most previous actions that an observation can show.
+pub(crate) const MAX_PREVIOUS_ACTIONS: usize = 4;
 
 /// Scale of the joint positions in the observation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -16,8 +20,9 @@ use crate::randomise::RandomisationConfig;
 pub enum ObservationScale {
     /// As the paper's table has it: rad, and m for the rail.
     Si,
-    /// Finger joints by their range, to [−1, 1]; the rail in white keys from the middle, so that a movement by one key is as large
-    /// as the bending of a finger. Our choice: in SI units policies learn more slowly (docs/results/choices.md).
+    /// Finger joints by their range, to [−1, 1]; the rail in white keys from the middle, so that a movement
+    /// by one key is as large as the bending of a finger. Our choice: in SI units policies learn more slowly
+    /// (docs/results/experiments/fast/notes.md).
     #[default]
     Normalised,
 }
@@ -26,11 +31,12 @@ pub enum ObservationScale {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ObservationView {
-    /// The keyboard: all 49 keys, and the rail's place on it. The paper's.
+    /// The keyboard: all 49 keys, and the rail's position on it. The paper's.
     #[default]
     Keyboard,
-    /// The hand: the keys around the rail's planned place, how far the rail is from that place, and how far the place moves in the next
-    /// control steps. What is learned in one octave then holds in all. It needs a fingering.
+    /// The hand: the keys around the rail's planned position, how far the rail is from it, and how far it
+    /// moves in the next control steps. What is learned in one octave then holds in all. It needs a
+    /// fingering.
     Hand,
 }
 
@@ -40,43 +46,46 @@ pub enum ObservationView {
 pub struct TaskConfig {
     /// The world.
     pub stage: StageConfig,
-    /// Physical numbers other than the defaults, by path.
+    /// Physical parameters other than the defaults, by path.
     pub physics: BTreeMap<String, f64>,
     /// Weights of reward terms other than the main text's, by name.
     pub reward: BTreeMap<String, f64>,
     /// Domain randomisation.
     pub randomisation: RandomisationConfig,
-    /// What is due, and when: how repeated keys are let go, and how early they are struck. The default is RoboPianist's rule, which
-    /// the paper uses.
-    pub plan: KeyScheduleConfig,
+    /// When keys are due: how repeated keys are let go, and how early commands are sent. The default is
+    /// RoboPianist's rule, which the paper uses.
+    pub plan: PlanConfig,
     /// Silence before the first note, s.
     pub initial_silence_secs: f64,
     /// Control steps of the song that the observation shows beyond the current one.
     pub lookahead: usize,
     /// Whether the observation holds the joints of one step ago (main text) or not (appendix).
     pub previous_joints: bool,
-    /// Previous actions that the observation shows, the newest first. The paper's is 0. They tell the policy what is still to come
-    /// of slow or late drives, whose references it does not see.
+    /// Previous actions that the observation shows, the newest first. The paper's is 0. They show the policy
+    /// what is still to come of slow or late drives, whose references it does not see.
     pub previous_actions: usize,
-    /// Whether the policy is shown a planned [`Fingering`](crate::Fingering) of the song: the observation has the place of
-    /// each fingertip relative to its goal, and the rail's action is a distance from its planned place. The reward
-    /// terms of [`OF_A_FINGERING`](crate::reward::OF_A_FINGERING) need it. The paper has none.
+    /// Whether the policy is shown a planned [`Fingering`](crate::Fingering) of the song: the observation has
+    /// the position of each fingertip relative to its goal, and the rail's action is a distance from its
+    /// planned position. The reward terms [`FINGERING_TERMS`] need it. The paper has none.
     pub fingering: bool,
-    /// Control steps of silence in which a fingering lets a finger change from one key to another of the same colour. Fewer keep notes
-    /// longer; more are easier to play. The default is what the scripted baseline needs.
+    /// Control steps of silence in which a fingering lets a finger change from one key to another of the same
+    /// colour. Fewer keep notes longer; more are easier to play. The default is what the scripted baseline
+    /// needs.
     pub change_steps: usize,
-    /// How far the target of a finger joint may be from the angle that holds the fingertip over its goal, rad; 0 stands for the joint's
-    /// whole range. It needs a fingering.
+    /// How far the target of a finger joint may be from the angle that holds the fingertip over its goal,
+    /// rad; 0 stands for the joint's whole range. It needs a fingering.
     pub finger_range: f64,
-    /// How far the target of the rail may be from its planned place, m, with a fingering. A policy whose targets reach farther swings the
-    /// hand about its goal where the arm lags more than in its training.
+    /// How far the target of the rail may be from its planned position, m, with a fingering. A policy whose
+    /// targets reach farther swings the hand about its goal where the arm lags more than in its training.
     pub rail_range: f64,
-    /// Whether the observation shows, with each finger's goal, the velocity of its note. It needs a fingering.
+    /// Whether the observation shows, with each finger's goal, the velocity of its note. It needs a
+    /// fingering.
     pub velocities: bool,
     /// What the observation's keys and rail are relative to.
     pub view: ObservationView,
-    /// Whether the observation has the rail's set-point instead of its measured place. A policy that reads the measured place swings
-    /// about its goal if the arm lags more than in its training. The paper's policies observe the measured place.
+    /// Whether the observation has the rail's set-point instead of its measured position. A policy that reads
+    /// the measured position swings about its goal if the arm lags more than in its training. The paper's
+    /// policies observe the measured position.
     pub rail_set_point: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
@@ -89,7 +98,7 @@ impl Default for TaskConfig {
             physics: BTreeMap::new(),
             reward: BTreeMap::new(),
             randomisation: RandomisationConfig::default(),
-            plan: KeyScheduleConfig::default(),
+            plan: PlanConfig::default(),
             initial_silence_secs: 1.0,
             lookahead: 5,
             previous_joints: true,
@@ -107,25 +116,12 @@ impl Default for TaskConfig {
 }
 
 impl TaskConfig {
-    /// The physical numbers of the nominal world.
+    /// The physical parameters of the nominal world.
     ///
     /// # Errors
     /// If a path is unknown or a value out of its range.
     pub fn params(&self) -> Result<PhysicalParams, ParamError> {
         PhysicalParams::default().with(&self.physics)
-    }
-
-    /// The places of the joints to observe, of joints that are `measured` and have these set-points.
-    pub fn observed(
-        &self,
-        measured: [f64; DRIVEN_JOINTS],
-        set_points: [f64; DRIVEN_JOINTS],
-    ) -> [f64; DRIVEN_JOINTS] {
-        let mut places = measured;
-        if self.rail_set_point {
-            places[RAIL] = set_points[RAIL];
-        }
-        places
     }
 
     /// The same task in the nominal world.
@@ -140,45 +136,31 @@ impl TaskConfig {
     /// # Errors
     /// Names the first one that is out of range.
     pub fn check(&self) -> Result<(), TaskError> {
-        let limits = [
-            ("randomisation.intensity", self.randomisation.intensity, 0.0, 1.0),
-            ("initial_silence_secs", self.initial_silence_secs, 0.0, 60.0),
-            ("lookahead", self.lookahead as f64, 0.0, 40.0),
-            ("previous_actions", self.previous_actions as f64, 0.0, MOST_ACTIONS as f64),
-            ("change_steps", self.change_steps as f64, 1.0, 20.0),
-            ("finger_range", self.finger_range, 0.0, 2.0),
-            ("rail_range", self.rail_range, 0.001, 0.2),
+        let ranges = [
+            ("randomisation.intensity", self.randomisation.intensity, 0.0..=1.0),
+            ("initial_silence_secs", self.initial_silence_secs, 0.0..=60.0),
+            ("lookahead", self.lookahead as f64, 0.0..=40.0),
+            ("previous_actions", self.previous_actions as f64, 0.0..=MAX_PREVIOUS_ACTIONS as f64),
+            ("change_steps", self.change_steps as f64, 1.0..=20.0),
+            ("finger_range", self.finger_range, 0.0..=2.0),
+            ("rail_range", self.rail_range, 0.001..=0.2),
         ];
-        for (name, value, low, high) in limits {
-            if !(low..=high).contains(&value) {
-                return Err(TaskError::Value(format!("task.{name} = {value} must lie in {low} … {high}")));
-            }
+        for (name, value, range) in ranges {
+            check_range(format!("task.{name}"), value, range)?;
         }
         self.plan.check()?;
-        let needs = |term: &&&str| self.reward.get(**term).is_some_and(|weight| *weight != 0.0);
-        if let Some(term) = crate::reward::OF_A_FINGERING.iter().find(needs).filter(|_| !self.fingering) {
-            return Err(TaskError::Value(format!(
-                "the reward term `{term}` needs a fingering; set task.fingering = true"
-            )));
+        let weighs = |term: &&&str| self.reward.get(**term).is_some_and(|weight| *weight != 0.0);
+        let needs_fingering = [
+            (self.finger_range > 0.0).then_some("task.finger_range is around the poses of"),
+            self.velocities.then_some("task.velocities shows them with the goals of"),
+            (self.view == ObservationView::Hand)
+                .then_some("task.view = hand shows the keys around the rail's position in"),
+        ];
+        let term = FINGERING_TERMS.iter().find(weighs).map(|term| format!("the reward term `{term}` needs"));
+        let needs = term.or(needs_fingering.into_iter().flatten().next().map(str::to_string));
+        match needs.filter(|_| !self.fingering) {
+            Some(needs) => Err(TaskError::Value(format!("{needs} a fingering; set task.fingering = true"))),
+            None => Ok(()),
         }
-        if self.finger_range > 0.0 && !self.fingering {
-            return Err(TaskError::Value(
-                "task.finger_range is around the pose that a fingering plans; set task.fingering = true"
-                    .to_string(),
-            ));
-        }
-        if self.velocities && !self.fingering {
-            return Err(TaskError::Value(
-                "task.velocities shows them with the goals of a fingering; set task.fingering = true"
-                    .to_string(),
-            ));
-        }
-        if self.view == ObservationView::Hand && !self.fingering {
-            return Err(TaskError::Value(
-                "task.view = hand shows the keys around the rail's planned place; set task.fingering = true"
-                    .to_string(),
-            ));
-        }
-        Ok(())
     }
 }

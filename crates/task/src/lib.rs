@@ -1,7 +1,9 @@
 //! The decision process on top of a [`World`](etude_stage::World): observation, action, reward, episodes.
 //!
-//! A [`Piece`] is a song in control steps. An [`Environment`] plays it once per episode, or a new piece of a [`Corpus`] in each; [`VectorPiano`] runs many environments in
-//! parallel for the learner. A [`Player`] chooses the actions.
+//! A [`Piece`] is a song in control steps. A [`Stepper`] goes through it: what a [`Player`] observes, and
+//! which joint targets its action means. A [`Simulation`] moves to them and evaluates the reward. An
+//! [`Environment`] is both, once per episode, with a new piece of a [`Corpus`] in each if there is one;
+//! [`VectorPiano`] runs many environments in parallel for the learner.
 
 mod assignment;
 pub mod bench;
@@ -12,26 +14,31 @@ mod error;
 pub mod fingering;
 mod observation;
 mod piece;
+mod planning;
 mod player;
 mod randomise;
 mod range;
 pub mod reward;
 pub mod scripted;
+mod simulation;
+mod stepper;
 mod vector;
 pub mod window;
 
 pub use assignment::assign;
 pub use config::{ObservationScale, ObservationView, TaskConfig};
 pub use corpus::{Corpus, CorpusConfig};
-pub use environment::{Environment, Step};
+pub use environment::Environment;
 pub use error::TaskError;
 pub use fingering::{Fingering, Goals};
 pub use observation::{History, layout, observe};
 pub use piece::Piece;
 pub use player::Player;
-pub use randomise::{Full, RANDOMISED, Randomisation, RandomisationConfig, Widths};
+pub use randomise::{FullRange, RANDOMISED, Randomisation, RandomisationConfig, Widths};
 pub use range::TargetRange;
 pub use scripted::{Lags, ScriptedBaseline, shortest_silences};
+pub use simulation::{Simulation, StepResult};
+pub use stepper::{Command, RigState, Stepper};
 pub use vector::VectorPiano;
 
 /// Length of an action: one target per driven joint.

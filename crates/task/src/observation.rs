@@ -1,22 +1,19 @@
-//! The observation: joints, previous joints, pressed keys, and the keys due now and in the next control steps. Options add previous
-//! actions and a fingering.
+//! The observation: joints, previous joints, pressed keys, and the keys due now and in the next control
+//! steps. Options add previous actions and a fingering.
 
 use etude_learn::ObservationLayout;
-use etude_music::{KEY_COUNT, KeySet, key_is_black};
+use etude_music::{KEYS, KeySet, key_is_black};
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::{DRIVEN_JOINTS, FINGERS, RAIL, joint_range, kinematics};
 use serde::{Deserialize, Serialize};
 
 use crate::ACTION_LEN;
-use crate::config::{ObservationScale, ObservationView, TaskConfig};
+use crate::config::{MAX_PREVIOUS_ACTIONS, ObservationScale, ObservationView, TaskConfig};
 use crate::fingering::{AHEAD_STEPS, Goal};
 use crate::piece::Piece;
 use crate::range::TargetRange;
-use crate::window::{SLOTS, Window, all_keys, planned_place};
-
-/// The most previous actions that an observation can show.
-pub const MOST_ACTIONS: usize = 4;
+use crate::window::{SLOTS, Window};
 
 /// What an observation shows of earlier control steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,13 +21,14 @@ pub struct History {
     /// Joints one control step ago.
     pub joints: [f64; DRIVEN_JOINTS],
     /// Previous actions, the newest first.
-    pub actions: [[f32; ACTION_LEN]; MOST_ACTIONS],
+    pub actions: [[f32; ACTION_LEN]; MAX_PREVIOUS_ACTIONS],
 }
 
 impl History {
-    /// The history at rest: `joints` have not moved, and the actions were those that hold them, as far as the range allows.
+    /// The history at rest: `joints` have not moved, and the actions were those that hold them, as far as
+    /// the range allows.
     pub fn at_rest(joints: [f64; DRIVEN_JOINTS], range: &TargetRange, step: usize) -> Self {
-        Self { joints, actions: [range.action(&joints, step); MOST_ACTIONS] }
+        Self { joints, actions: [range.action(&joints, step); MAX_PREVIOUS_ACTIONS] }
     }
 
     /// Adds a control step: `action` was chosen where the encoders read `joints`.
@@ -41,15 +39,15 @@ impl History {
     }
 }
 
-/// Real columns for each finger's goal: see [`observe`].
+/// Real columns for each finger's goal, without its velocity: see [`observe`].
 const GOAL_COLUMNS: usize = 3;
+/// Largest distance from a goal that the observation shows, white keys.
+const MAX_DISTANCE_KEYS: f64 = 4.0;
+
 /// Columns of a finger's goal.
 fn goal_columns(config: &TaskConfig) -> usize {
     GOAL_COLUMNS + usize::from(config.velocities)
 }
-
-/// Farthest distance from a goal that the observation shows, white keys.
-const FARTHEST_KEYS: f64 = 4.0;
 
 /// Columns of the observation that `config` asks for.
 pub fn layout(config: &TaskConfig) -> ObservationLayout {
@@ -57,37 +55,42 @@ pub fn layout(config: &TaskConfig) -> ObservationLayout {
     let actions = config.previous_actions * ACTION_LEN;
     let goals = if config.fingering { goal_columns(config) * FINGERS } else { 0 };
     let playing = if config.fingering { FINGERS * (config.lookahead + 1) } else { 0 };
-    let places = places(config);
-    ObservationLayout { real: joints + actions + goals + places, binary: keys(config) + playing }
+    let rail = rail_columns(config);
+    ObservationLayout { real: joints + actions + goals + rail, binary: key_columns(config) + playing }
 }
 
-/// Columns of the rail's planned places.
-fn places(config: &TaskConfig) -> usize {
+/// Columns of the rail's planned positions.
+fn rail_columns(config: &TaskConfig) -> usize {
     match config.view {
         ObservationView::Keyboard => 0,
         ObservationView::Hand => config.lookahead + 1,
     }
 }
 
-/// Columns of the keys: those that are down, those due in each step and, seen from the hand, which of the slots have a black key.
-fn keys(config: &TaskConfig) -> usize {
+/// Columns of the keys: those that are down, those due in each step and, seen from the hand, which of the
+/// slots have a black key.
+fn key_columns(config: &TaskConfig) -> usize {
     match config.view {
-        ObservationView::Keyboard => KEY_COUNT * (config.lookahead + 2),
+        ObservationView::Keyboard => KEYS * (config.lookahead + 2),
         ObservationView::Hand => SLOTS * (config.lookahead + 3),
     }
 }
 
-/// Writes an observation of [`layout`]'s length: `joints` (encoder readings) and those of one control step ago, previous actions,
-/// the place of each fingertip relative to its goal; then, each 0 or 1, the keys down, the keys due at `step` and in the next `lookahead`
-/// steps, and the fingers that should play in each of these steps.
+/// Writes an observation of [`layout`]'s length: `joints` (encoder readings) and those of one control step
+/// ago, previous actions, the position of each fingertip relative to its goal; then, each 0 or 1, the keys
+/// down, the keys due at `step` and in the next `lookahead` steps, and the fingers that should play in each
+/// of these steps.
 ///
-/// The place relative to a goal has three columns: how far the fingertip is beyond it toward the player (x) and along the
-/// keyboard, in white keys from −4 to 4, and the time until the note begins, as a fraction of [`AHEAD_STEPS`]. With
-/// [`TaskConfig::velocities`] a fourth is the note's MIDI velocity over 127. A finger without a goal has 0, 0, 1 and 0. The fingertip is the centre of the rounded tip where the readings place it.
+/// A goal has three columns: how far the fingertip is beyond it toward the player (x) and along the
+/// keyboard, in white keys from −4 to 4, and the time until the note begins, as a fraction of
+/// [`AHEAD_STEPS`]. With [`TaskConfig::velocities`] a fourth is the note's MIDI velocity over 127. A finger
+/// without a goal has 0, 0, 1 and 0. The fingertip is the centre of the rounded tip where the readings
+/// place it.
 ///
-/// With [`ObservationView::Hand`] the rail's readings are relative to its planned place, the keys are those in a window of 21 half white
-/// keys around that place, with one more set of columns for the black keys among them, and after the goals there are: how far the
-/// place is from the middle of the window, and how far from it the planned places of the next `lookahead` steps are, in white keys
+/// With [`ObservationView::Hand`] the rail's readings are relative to its planned position, the keys are
+/// those in a window of 21 half white keys around that position, with one more set of columns for the black
+/// keys among them, and after the goals there are: how far the planned position is from the middle of the
+/// window, and how far from it the planned positions of the next `lookahead` steps are, in white keys
 /// (−4 to 4).
 pub fn observe(
     config: &TaskConfig,
@@ -102,37 +105,40 @@ pub fn observe(
     let (halves, real) =
         real.split_at_mut(if config.previous_joints { 2 * DRIVEN_JOINTS } else { DRIVEN_JOINTS });
     let (actions, real) = real.split_at_mut(config.previous_actions * ACTION_LEN);
-    let (tips, places) = real.split_at_mut(real.len() - places(config));
+    let (tips, rail_ahead) = real.split_at_mut(real.len() - rail_columns(config));
     let from_hand = config.view == ObservationView::Hand;
-    let place = if from_hand { planned_place(piece, step) } else { 0.0 };
-    let window = Window::around(place);
+    let rail = if from_hand { piece.planned_rail(step) } else { 0.0 };
+    let window = Window::around(rail);
     for (half, readings) in halves.chunks_exact_mut(DRIVEN_JOINTS).zip([joints, &history.joints]) {
-        for (joint, slot) in half.iter_mut().enumerate() {
-            let origin = if joint == RAIL { place } else { 0.0 };
-            *slot = scaled(config.scale, joint, readings[joint] - origin);
+        for (joint, column) in half.iter_mut().enumerate() {
+            let origin = if joint == RAIL { rail } else { 0.0 };
+            *column = scaled(config.scale, joint, readings[joint] - origin);
         }
     }
-    for (ahead, column) in places.iter_mut().enumerate() {
-        let away = (planned_place(piece, step + ahead) - place) / WHITE_PITCH;
-        let away = if ahead == 0 { window.off_middle(place) } else { away };
-        *column = away.clamp(-FARTHEST_KEYS, FARTHEST_KEYS) as f32;
+    for (ahead, column) in rail_ahead.iter_mut().enumerate() {
+        let distance = match ahead {
+            0 => window.off_middle(rail),
+            _ => (piece.planned_rail(step + ahead) - rail) / WHITE_PITCH,
+        };
+        *column = distance.clamp(-MAX_DISTANCE_KEYS, MAX_DISTANCE_KEYS) as f32;
     }
     for (columns, action) in actions.chunks_exact_mut(ACTION_LEN).zip(&history.actions) {
         columns.copy_from_slice(action);
     }
     let goals = piece.goals(step);
     for (finger, (columns, goal)) in tips.chunks_exact_mut(goal_columns(config)).zip(goals).enumerate() {
-        let (place, velocity) = columns.split_at_mut(GOAL_COLUMNS);
-        place.copy_from_slice(&goal.map_or([0.0, 0.0, 1.0], |goal| from_goal(config, joints, finger, &goal)));
+        let (position, velocity) = columns.split_at_mut(GOAL_COLUMNS);
+        let relative = goal.map_or([0.0, 0.0, 1.0], |goal| from_goal(config, joints, finger, &goal));
+        position.copy_from_slice(&relative);
         velocity.fill(goal.map_or(0.0, |goal| f32::from(goal.velocity) / 127.0));
     }
     binary.fill(0.0);
-    let (keys, playing) = binary.split_at_mut(keys(config));
-    let width = if from_hand { SLOTS } else { KEY_COUNT };
+    let (keys, playing) = binary.split_at_mut(key_columns(config));
+    let width = if from_hand { SLOTS } else { KEYS };
     for (index, columns) in keys.chunks_exact_mut(width).enumerate() {
         let keys = if index == 0 { pressed } else { piece.due(step + index - 1) };
         if from_hand && index == config.lookahead + 2 {
-            window.show(all_keys().iter().filter(|key| key_is_black(*key)), columns);
+            window.show((0..KEYS).filter(|key| key_is_black(*key)), columns);
         } else if from_hand {
             window.show(keys.iter(), columns);
         } else {
@@ -140,8 +146,8 @@ pub fn observe(
         }
     }
     for (ahead, columns) in playing.chunks_exact_mut(FINGERS).enumerate() {
-        for (slot, goal) in columns.iter_mut().zip(piece.goals(step + ahead)) {
-            *slot = f32::from(u8::from(goal.is_some_and(|goal| goal.wait_steps == 0)));
+        for (column, goal) in columns.iter_mut().zip(piece.goals(step + ahead)) {
+            *column = f32::from(u8::from(goal.is_some_and(|goal| goal.sounds())));
         }
     }
 }
@@ -155,7 +161,7 @@ fn from_goal(
 ) -> [f32; GOAL_COLUMNS] {
     let angles = joints[finger * JOINTS_PER_FINGER..].first_chunk().expect("a finger's joints");
     let tip = kinematics::fingertip(config.stage.side, finger, angles, joints[RAIL]);
-    let keys = |away: f64| (away / WHITE_PITCH).clamp(-FARTHEST_KEYS, FARTHEST_KEYS) as f32;
+    let keys = |distance: f64| (distance / WHITE_PITCH).clamp(-MAX_DISTANCE_KEYS, MAX_DISTANCE_KEYS) as f32;
     let [x, y] = goal.over;
     [keys(tip[0] - x), keys(tip[1] - y), goal.wait_steps as f32 / AHEAD_STEPS as f32]
 }
@@ -186,7 +192,7 @@ mod tests {
         let mut out = vec![9.0; 369];
         let mut pressed = KeySet::EMPTY;
         pressed.insert(48);
-        let history = History { joints: previous, actions: [[9.0; ACTION_LEN]; MOST_ACTIONS] };
+        let history = History { joints: previous, actions: [[9.0; ACTION_LEN]; MAX_PREVIOUS_ACTIONS] };
         observe(&config, &joints, &history, pressed, &piece, 18, &mut out);
         assert_eq!((out[1], out[12], out[14], out[25]), (0.01, 0.12, -0.01, -0.12));
         assert_eq!(out[26 + 48], 1.0);
@@ -201,7 +207,7 @@ mod tests {
         let config = TaskConfig { previous_actions: 2, ..TaskConfig::default() };
         let piece = Piece::new(&repertoire::get("c-major-scale").expect("built in"), 1.0).unwrap();
         let mut history =
-            History { joints: [0.0; DRIVEN_JOINTS], actions: [[0.5; ACTION_LEN]; MOST_ACTIONS] };
+            History { joints: [0.0; DRIVEN_JOINTS], actions: [[0.5; ACTION_LEN]; MAX_PREVIOUS_ACTIONS] };
         history.push([0.0; DRIVEN_JOINTS], &[-0.25; ACTION_LEN]);
         let mut out = vec![9.0; layout(&config).len()];
         assert_eq!(out.len(), 369 + 2 * ACTION_LEN);

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use etude_music::{CONTROL_HZ, KeySchedule, KeyScheduleConfig, KeySet, Note, Song, SongError};
+use etude_music::{CONTROL_HZ, KeySet, Note, Plan, PlanConfig, Song, SongError};
 
-use crate::{Fingering, Goals, TaskConfig, TaskError};
+use crate::fingering::{Fingering, Goals, Strokes};
 
 /// A song in control steps. Cheap to clone: environments share it.
 #[derive(Clone, Debug)]
@@ -13,72 +13,40 @@ pub struct Piece {
     due: Arc<[KeySet]>,
     notes: Arc<[Note]>,
     bars: Arc<[f64]>,
-    /// Time by which the notes are later than the keys that are due, s.
     latency_compensation_secs: f64,
     fingering: Option<Arc<Fingering>>,
 }
 
 impl Piece {
-    /// The song by RoboPianist's rules, after `initial_silence_secs` of silence, rounded to whole control steps.
+    /// The song by RoboPianist's rules, after `initial_silence_secs` of silence, rounded to whole control
+    /// steps.
     ///
     /// # Errors
     /// If a note lies outside the keyboard, or the song is longer than the frames may be.
     pub fn new(song: &Song, initial_silence_secs: f64) -> Result<Self, SongError> {
-        Ok(Self::of(KeyScheduleConfig::default().schedule(song, initial_silence_secs)?))
-    }
-
-    fn of(schedule: KeySchedule) -> Self {
-        let song = schedule.song;
-        Self {
-            title: song.title().to_string(),
-            due: schedule.frames.into(),
-            notes: song.notes().into(),
-            bars: song.beats().bar_lines(song.duration_secs()).into(),
-            latency_compensation_secs: schedule.latency_compensation_secs,
-            fingering: None,
-        }
+        Ok(PlanConfig::default().plan(song, initial_silence_secs)?.into())
     }
 
     /// `steps` control steps in which no key is due, for motions without a song.
     pub fn silent(steps: usize) -> Self {
-        let (notes, bars) = ([].into(), [].into());
         let due = vec![KeySet::EMPTY; steps].into();
-        Self { title: String::new(), due, notes, bars, latency_compensation_secs: 0.0, fingering: None }
+        let (title, notes, bars) = (String::new(), [].into(), [].into());
+        Self { title, due, notes, bars, latency_compensation_secs: 0.0, fingering: None }
     }
 
-    /// The song as `config` plays it: its plan, after its initial silence and, if it asks for one, with a fingering for its world.
-    ///
-    /// # Errors
-    /// As [`Piece::new`]; also if the plan's numbers or the physical ones are not sound.
-    pub fn for_task(song: &Song, config: &TaskConfig) -> Result<Self, TaskError> {
-        Self::for_task_with_progress(song, config, &mut |_| {})
-    }
-
-    /// The same for a song that may be long: tells what share of its fingering is planned, 0 to 1.
-    ///
-    /// # Errors
-    /// As [`Piece::for_task`].
-    pub fn for_task_with_progress(
-        song: &Song,
-        config: &TaskConfig,
-        on_progress: &mut dyn FnMut(f64),
-    ) -> Result<Self, TaskError> {
-        let mut piece = Self::of(config.plan.schedule(song, config.initial_silence_secs)?);
-        if config.fingering {
-            let (stage, params) = (&config.stage, &config.params()?);
-            let mut fingering = Fingering::plan(stage, params, config.change_steps, &piece, on_progress)
-                .within(config.rail_range);
-            if config.finger_range > 0.0 {
-                fingering = fingering.around_poses(stage, params, config.finger_range);
-            }
-            piece.fingering = Some(Arc::new(fingering));
-        }
-        Ok(piece)
+    /// The same piece with this fingering.
+    pub(crate) fn with_fingering(self, fingering: Fingering) -> Self {
+        Self { fingering: Some(Arc::new(fingering)), ..self }
     }
 
     /// Its fingering, if a task asked for one.
     pub fn fingering(&self) -> Option<&Arc<Fingering>> {
         self.fingering.as_ref()
+    }
+
+    /// Its strokes, for which a fingering can be planned.
+    pub fn strokes(&self) -> Strokes {
+        Strokes::new(&self.due, &self.notes, self.latency_compensation_secs)
     }
 
     /// The keys that its fingering plays in each control step: what is due, less what the hand cannot do.
@@ -98,6 +66,11 @@ impl Piece {
         self.fingering.as_ref().map(|fingering| fingering.goals(step)).unwrap_or_default()
     }
 
+    /// Target of the rail in control step `step` by the fingering, m; 0 without one.
+    pub fn planned_rail(&self, step: usize) -> f64 {
+        self.fingering.as_ref().map_or(0.0, |fingering| fingering.rail_at(step))
+    }
+
     /// Title of the song.
     pub fn title(&self) -> &str {
         &self.title
@@ -113,15 +86,16 @@ impl Piece {
         self.due.get(step).copied().unwrap_or_default()
     }
 
-    /// Keys to hold in control step `step`: those that are due or, with a fingering, those of them that it plays then or played one
-    /// step before: a policy is a step quicker than its plan. With [`change_steps`](TaskConfig::change_steps) of 1 no silent step is left
-    /// between two keys of a finger, and the policy itself has to find the time.
+    /// Keys to hold in control step `step`: those that are due or, with a fingering, those of them that it
+    /// plays then or played one step before: a policy is a step quicker than its plan. With
+    /// [`change_steps`](crate::TaskConfig::change_steps) of 1 no silent step is left between two keys of a
+    /// finger, and the policy itself has to find the time.
     pub fn held(&self, step: usize) -> KeySet {
         let due = self.due(step);
         let Some(fingering) = &self.fingering else { return due };
         let mut held = KeySet::EMPTY;
         for goals in [fingering.goals(step), fingering.goals(step.saturating_sub(1))] {
-            for goal in goals.iter().flatten().filter(|goal| goal.wait_steps == 0 && due.contains(goal.key)) {
+            for goal in goals.iter().flatten().filter(|goal| goal.sounds() && due.contains(goal.key)) {
                 held.insert(goal.key);
             }
         }
@@ -133,13 +107,14 @@ impl Piece {
         &self.due
     }
 
-    /// Time by which the notes are later than the keys that are due, s: the lead of the plan.
+    /// Time by which the notes are later than the keys that are due, s.
     pub fn latency_compensation_secs(&self) -> f64 {
         self.latency_compensation_secs
     }
 
-    /// Time by which a robot that plays this on time is heard later than a simulation, s. In a simulation a key that is due in a control
-    /// step goes down half a step after its beginning on average, and sounds at its end; the rest of the lead makes up for a robot's lag.
+    /// Time by which a robot that plays this on time is heard later than a simulation, s. In a simulation
+    /// a key that is due in a control step goes down half a step after its beginning on average, and
+    /// sounds at its end; the rest of the compensation makes up for a robot's lag.
     pub fn late_secs(&self) -> f64 {
         (self.latency_compensation_secs - 0.5 / CONTROL_HZ).max(0.0)
     }
@@ -152,5 +127,18 @@ impl Piece {
     /// The notes that are due, with times that include the initial silence.
     pub fn notes(&self) -> &[Note] {
         &self.notes
+    }
+}
+
+impl From<Plan> for Piece {
+    fn from(Plan { song, frames, latency_compensation_secs }: Plan) -> Self {
+        Self {
+            title: song.title().to_string(),
+            due: frames.into(),
+            notes: song.notes().into(),
+            bars: song.beats().bar_lines(song.duration_secs()).into(),
+            latency_compensation_secs,
+            fingering: None,
+        }
     }
 }

@@ -9,16 +9,16 @@ use crate::environment::Environment;
 use crate::observation::layout;
 use crate::{ACTION_LEN, Corpus, Piece, TaskConfig, TaskError};
 
-/// Environments of one piece, or of one corpus, that step together. Each owns its world and its random stream, so the result
-/// does not depend on the number of threads.
+/// Environments of one piece, or of one corpus, that step together. Each owns its world and its random
+/// stream, so the result does not depend on the number of threads.
 pub struct VectorPiano {
-    environments: Vec<Slot>,
+    environments: Vec<EnvironmentSlot>,
     layout: ObservationLayout,
     terms: usize,
 }
 
 /// An environment and the reward terms of its last step.
-struct Slot {
+struct EnvironmentSlot {
     environment: Environment,
     parts: Vec<f32>,
 }
@@ -27,7 +27,7 @@ impl VectorPiano {
     /// `num_envs` environments whose randomness comes from `root_seed`.
     ///
     /// # Errors
-    /// If the configuration is not sound.
+    /// If the configuration is not valid.
     pub fn new(
         config: &TaskConfig,
         piece: &Piece,
@@ -40,7 +40,7 @@ impl VectorPiano {
     /// The same, each of which plays a new piece of `corpus` in every episode.
     ///
     /// # Errors
-    /// If the configuration is not sound.
+    /// If the configuration is not valid.
     pub fn of_corpus(
         config: &TaskConfig,
         corpus: &Arc<Corpus>,
@@ -61,32 +61,11 @@ impl VectorPiano {
                 let seed = seed::split(root_seed, &format!("environment {index}"));
                 let environment = make(seed)?;
                 let parts = vec![0.0; environment.reward().names().len()];
-                Ok(Slot { environment, parts })
+                Ok(EnvironmentSlot { environment, parts })
             })
             .collect::<Result<Vec<_>, TaskError>>()?;
         let terms = environments.first().map_or(0, |slot| slot.parts.len());
         Ok(Self { environments, layout: layout(config), terms })
-    }
-}
-
-/// One environment with its rows of the batch.
-struct Row<'a> {
-    slot: &'a mut Slot,
-    action: &'a [f32],
-    observation: &'a mut [f32],
-    next_observation: &'a mut [f32],
-    reward: &'a mut f32,
-    truncated: &'a mut bool,
-}
-
-impl Row<'_> {
-    fn step(self) {
-        let action: &[f32; ACTION_LEN] =
-            self.action.first_chunk().expect("an action has one value per joint");
-        let Slot { environment, parts } = self.slot;
-        let step = environment.advance(action, parts, self.observation, self.next_observation);
-        *self.reward = step.reward as f32;
-        *self.truncated = step.song_over;
     }
 }
 
@@ -104,7 +83,7 @@ impl VectorEnvironment for VectorPiano {
     }
 
     fn reward_term_names(&self) -> Vec<String> {
-        let names = |slot: &Slot| slot.environment.reward().names().map(str::to_string).collect();
+        let names = |slot: &EnvironmentSlot| slot.environment.reward().names().map(str::to_string).collect();
         self.environments.first().map_or_else(Vec::new, names)
     }
 
@@ -126,11 +105,12 @@ impl VectorEnvironment for VectorPiano {
             .zip(batch.next_observation.par_chunks_exact_mut(len))
             .zip(batch.reward.par_iter_mut())
             .zip(batch.truncated.par_iter_mut());
-        rows.with_max_len(1).for_each(
-            |(((((slot, action), observation), next_observation), reward), truncated)| {
-                Row { slot, action, observation, next_observation, reward, truncated }.step();
-            },
-        );
+        rows.with_max_len(1).for_each(|(((((slot, action), observation), last), reward), truncated)| {
+            let action = action.first_chunk().expect("an action has one value per joint");
+            let result = slot.environment.advance(action, &mut slot.parts, observation, last);
+            *reward = result.reward as f32;
+            *truncated = result.song_over;
+        });
         for (index, slot) in self.environments.iter().enumerate() {
             batch.reward_terms[index * self.terms..][..self.terms].copy_from_slice(&slot.parts);
         }

@@ -1,22 +1,21 @@
 //! The keys and the rail as seen from the hand.
 //!
-//! The keyboard is a row of *slots*, half a white key wide: white keys stand in the even ones, black keys in the odd ones between them,
-//! and there is none between B and C or E and F. The window is the slots around the planned place of the rail. So a passage looks the
-//! same in every octave, and what is learned in one is known in all.
+//! The keyboard is a row of *slots*, half a white key wide: white keys are in the even ones, black keys in
+//! the odd ones between them, and there is none between B and C or E and F. The window is the slots around
+//! the planned position of the rail. So a passage looks the same in every octave, and what is learned in
+//! one is known in all.
 
-use etude_music::{KEY_COUNT, KeySet};
 use etude_stage::geometry::{WHITE_PITCH, key_lateral};
 
-use crate::Piece;
-
-/// Slots to either side of the rail's planned place: five white keys, more than the outer fingers reach.
+/// Slots to either side of the rail's planned position: five white keys, more than the outer fingers
+/// reach.
 const SIDE_SLOTS: i32 = 10;
 /// Slots of the window.
 pub const SLOTS: usize = 2 * SIDE_SLOTS as usize + 1;
 /// Width of a slot, m.
 const SLOT_M: f64 = WHITE_PITCH / 2.0;
 
-/// The slot in which `key` stands.
+/// The slot of `key`.
 pub fn slot_of_key(key: usize) -> i32 {
     slot(key_lateral(key))
 }
@@ -32,9 +31,9 @@ fn slot(lateral: f64) -> i32 {
 }
 
 impl Window {
-    /// The window around the rail's place, m.
-    pub fn around(place: f64) -> Self {
-        Self { middle: slot(place) }
+    /// The window around this position of the rail, m.
+    pub fn around(rail: f64) -> Self {
+        Self { middle: slot(rail) }
     }
 
     /// Its middle slot; 0 is that in the middle of the keyboard.
@@ -42,7 +41,7 @@ impl Window {
         self.middle
     }
 
-    /// Writes which of `keys` stand in the window, lowest slot first.
+    /// Writes which of `keys` are in the window, lowest slot first.
     pub(crate) fn show(self, keys: impl IntoIterator<Item = usize>, columns: &mut [f32]) {
         for key in keys {
             let column = slot_of_key(key) - self.middle + SIDE_SLOTS;
@@ -52,18 +51,8 @@ impl Window {
         }
     }
 
-    /// How far `place` is from the middle of the window, white keys.
-    pub(crate) fn off_middle(self, place: f64) -> f64 {
-        place / WHITE_PITCH - f64::from(self.middle) / 2.0
+    /// How far `rail` is from the middle of the window, white keys.
+    pub(crate) fn off_middle(self, rail: f64) -> f64 {
+        rail / WHITE_PITCH - f64::from(self.middle) / 2.0
     }
-}
-
-/// Planned place of the rail, m.
-pub(crate) fn planned_place(piece: &Piece, step: usize) -> f64 {
-    piece.fingering().map_or(0.0, |fingering| fingering.rail_at(step))
-}
-
-/// All keys of the keyboard.
-pub(crate) fn all_keys() -> KeySet {
-    (0..KEY_COUNT).collect()
 }

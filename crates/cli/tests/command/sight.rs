@@ -72,7 +72,7 @@ fn a_sight_reader_is_trained_resumed_and_plays_what_has_no_policy_of_its_own() {
     Song::new("Wide", wide, 0.4).unwrap().save(sandbox.path("wide.mid")).unwrap();
     let said = errors(&sandbox.command("play wide.mid").output().unwrap());
     assert_eq!(said.lines().count(), 2, "{said}");
-    let left_out = "leaves out 2 of 4 notes: 2 because more keys sound at once than there are fingers; `etude songs show wide.mid`";
+    let left_out = "omits 2 of 4 notes: 2 because more keys sound at once than there are fingers; `etude songs show wide.mid`";
     assert!(said.contains(left_out), "{said}");
     // Of the one that is named nothing is said: it is for every song.
     let output = sandbox.command(&format!("play short.mid --policy {run}")).output().unwrap();

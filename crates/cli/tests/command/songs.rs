@@ -124,7 +124,7 @@ fn what_is_too_fast_for_the_hand_is_named_with_its_place() {
         "{text}"
     );
     assert!(
-        text.contains(&format!("{place}: C6 is skipped: ")) && text.contains(" mm from D3, too far"),
+        text.contains(&format!("{place}: C6 is omitted: ")) && text.contains(" mm from D3, too far"),
         "{text}"
     );
     let shown = sandbox.json("songs show leap.mid --json");

@@ -164,8 +164,8 @@ impl RobotReport {
 impl RobotRun {
     pub(super) fn new(performance: Performance, files: Option<Files>) -> Self {
         let scores = performance.scores();
-        let strokes = performance.strokes();
-        let (alongside_f1, steps) = (performance.alongside_f1(), performance.piece.steps());
+        let strokes = performance.played_notes();
+        let (alongside_f1, steps) = (performance.simulated_f1(), performance.piece.steps());
         let robot = performance.robot.unwrap_or_default();
         Self {
             scores,

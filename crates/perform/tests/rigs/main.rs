@@ -4,4 +4,5 @@
 mod bench;
 mod contract;
 mod recorded;
+mod simulated;
 mod sources;

@@ -63,7 +63,7 @@ fn observed(
     let robot = recording.steps.iter().map(|step| Seen::new(&step.positions, step.pressed.iter().copied()));
     // The robot is sent where the simulation's joints are: the last way-point is their position at the end of the step.
     let simulated = recording.steps.iter().enumerate().map(|(index, step)| {
-        let keys = played.alongside.get(index).copied().unwrap_or_default();
+        let keys = played.simulated.get(index).copied().unwrap_or_default();
         Seen::new(&step.targets, keys.pitches())
     });
     (observations, simulated.collect(), robot.collect(), piece, script)

@@ -99,7 +99,7 @@ impl<'a> Studio<'a> {
         let mut world = take.world()?;
         let below = strip.as_ref().map_or(0, |_| Strip::height_in(size[1]));
         let painter = Painter::new(&mut world, [size[0], size[1] - below], view, smooth)?;
-        let ornaments = world.ornaments();
+        let ornaments = world.visual_geoms();
         Ok(Self { take, world, painter, strip, size, ornaments, pixels: Vec::new() })
     }
 

@@ -6,7 +6,7 @@ use etude_music::KeySet;
 use etude_perform::Recording;
 use etude_stage::{DRIVEN_JOINTS, StepOutcome, World};
 use etude_task::fingering::Goals;
-use etude_task::reward::{Moment, OF_A_FINGERING, Reward};
+use etude_task::reward::{StepContext, FINGERING_TERMS, Reward};
 use etude_task::{ACTION_LEN, TaskConfig};
 use serde::Serialize;
 
@@ -24,7 +24,7 @@ pub struct RewardCurve {
 const NOT_KNOWN: [&str; 5] = ["energy", "collision", "sliding", "wrong_travel", "tracking"];
 
 fn is_unknown(name: &str) -> bool {
-    NOT_KNOWN.contains(&name) || OF_A_FINGERING.contains(&name)
+    NOT_KNOWN.contains(&name) || FINGERING_TERMS.contains(&name)
 }
 
 /// The terms and a note about them: as a simulation has recorded them, or as the measured joints
@@ -90,7 +90,7 @@ fn measured(
         let action = action.or(previous).unwrap_or([0.0; ACTION_LEN]);
         world.pose(joints, *pressed);
         let due = due.get(step).copied().unwrap_or_default();
-        let moment = Moment {
+        let context = StepContext {
             world,
             due,
             held: due,
@@ -101,7 +101,7 @@ fn measured(
             previous_action: &previous.unwrap_or(action),
             goals: Goals::default(),
         };
-        reward.evaluate(&moment, &mut parts);
+        reward.evaluate(&context, &mut parts);
         for (curve, part) in curves.iter_mut().zip(&parts) {
             curve.values.push(rounded(f64::from(*part)));
         }

@@ -4,23 +4,31 @@ use std::fmt;
 
 use etude_music::{LOWEST_PITCH, pitch_name};
 
-use super::rail::CONTROL_SECS;
+use super::rail_model::CONTROL_SECS;
 
 /// Why something is not played as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LimitKind {
-    /// More keys at once than fingers: the note is skipped.
+    /// More keys at once than fingers: the note is omitted.
     TooManyKeys,
-    /// No place of the hand reaches these keys together, or none in time: the note is skipped.
+    /// No position of the hand reaches these keys together, or none in time: the note is omitted.
     OutOfReach,
-    /// The hand does not get to the note in time, from this key or to it, which is so far away, m: the note is skipped.
+    /// The hand does not get to the note in time, from this key or to it, which is so far away, m: the
+    /// note is omitted.
     TooFar(usize, f64),
-    /// The note ends early because a later one needs its finger or another place of the hand.
-    GivenUp,
-    /// The note ends early because the rail has to travel this far to the next one, m.
+    /// The note is shortened because a later one needs its finger or another position of the hand.
+    HandNeeded,
+    /// The note is shortened because the rail has to travel this far to the next one, m.
     RailTooSlow(f64),
-    /// The note ends early because its finger has to change keys.
+    /// The note is shortened because its finger has to change keys.
     FingerBusy,
+}
+
+impl LimitKind {
+    /// Whether the note is omitted.
+    fn omits(self) -> bool {
+        matches!(self, Self::TooManyKeys | Self::OutOfReach | Self::TooFar(..))
+    }
 }
 
 /// One note that is not played as written.
@@ -51,15 +59,13 @@ pub struct Limits {
 
 impl Limits {
     /// Notes that are not played at all.
-    pub fn skipped(&self) -> impl Iterator<Item = &Limit> {
-        let skips =
-            |kind| matches!(kind, LimitKind::TooManyKeys | LimitKind::OutOfReach | LimitKind::TooFar(..));
-        self.notes.iter().filter(move |note| skips(note.kind))
+    pub fn omitted(&self) -> impl Iterator<Item = &Limit> {
+        self.notes.iter().filter(|note| note.kind.omits())
     }
 
-    /// How many notes are skipped, and why, in words; none if all are played.
-    pub fn left_out(&self) -> Option<String> {
-        let count = |is_so: fn(&Limit) -> bool| self.skipped().filter(|note| is_so(note)).count();
+    /// How many notes are omitted, and why, in words; none if all are played.
+    pub fn omissions(&self) -> Option<String> {
+        let count = |is_so: fn(&Limit) -> bool| self.omitted().filter(|note| is_so(note)).count();
         let reasons = [
             (count(Limit::is_leap), "because the hand cannot be there in time"),
             (
@@ -71,16 +77,13 @@ impl Limits {
                 "because the fingers do not reach them with the keys around them",
             ),
         ];
-        let reasons: Vec<String> = reasons
-            .into_iter()
-            .filter(|(notes, _)| *notes > 0)
-            .map(|(notes, why)| format!("{notes} {why}"))
-            .collect();
-        let (skipped, all) = (self.skipped().count(), self.total_notes);
-        (skipped > 0).then(|| format!("the hand leaves out {skipped} of {all} notes: {}", reasons.join(", ")))
+        let reasons = reasons.into_iter().filter(|(notes, _)| *notes > 0);
+        let reasons: Vec<String> = reasons.map(|(notes, why)| format!("{notes} {why}")).collect();
+        let (omitted, all) = (self.omitted().count(), self.total_notes);
+        (omitted > 0).then(|| format!("the hand omits {omitted} of {all} notes: {}", reasons.join(", ")))
     }
 
-    /// Notes that are skipped or end early because the hand has too far to go for the time.
+    /// Notes that are omitted or shortened because the hand has too far to go for the time.
     pub fn leaps(&self) -> impl Iterator<Item = &Limit> {
         self.notes.iter().filter(|note| note.is_leap())
     }
@@ -107,7 +110,7 @@ impl Limit {
         matches!(self.kind, LimitKind::TooFar(..) | LimitKind::RailTooSlow(_))
     }
 
-    /// Whether the note is skipped because the fingers are too few for its chord, or do not reach it.
+    /// Whether the note is omitted because the fingers are too few for its chord, or do not reach it.
     pub fn is_chord(&self) -> bool {
         matches!(self.kind, LimitKind::TooManyKeys | LimitKind::OutOfReach)
     }
@@ -116,17 +119,17 @@ impl Limit {
     pub fn what(&self) -> String {
         let early = self.lost_steps as f64 * CONTROL_SECS;
         match self.kind {
-            LimitKind::TooManyKeys => "is skipped: more keys than fingers".to_string(),
-            LimitKind::OutOfReach => "is skipped: out of reach with the keys around it".to_string(),
+            LimitKind::TooManyKeys => "is omitted: more keys than fingers".to_string(),
+            LimitKind::OutOfReach => "is omitted: out of reach with the keys around it".to_string(),
             LimitKind::TooFar(key, metres) => {
                 let other = pitch_name(LOWEST_PITCH + key as u8);
-                format!("is skipped: {:.0} mm from {other}, too far for the time", metres * 1e3)
+                format!("is omitted: {:.0} mm from {other}, too far for the time", metres * 1e3)
             }
-            LimitKind::GivenUp => format!("ends {early:.2} s early: the hand is needed elsewhere"),
+            LimitKind::HandNeeded => format!("is {early:.2} s shorter: a later note needs the hand"),
             LimitKind::RailTooSlow(travel) => {
-                format!("ends {early:.2} s early: the rail needs the time for {:.0} mm", travel * 1e3)
+                format!("is {early:.2} s shorter: the rail needs the time for {:.0} mm", travel * 1e3)
             }
-            LimitKind::FingerBusy => format!("ends {early:.2} s early: its finger plays the next key"),
+            LimitKind::FingerBusy => format!("is {early:.2} s shorter: its finger plays the next key"),
         }
     }
 }
@@ -141,10 +144,10 @@ impl fmt::Display for Limits {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = |what: fn(LimitKind) -> bool| self.notes.iter().filter(|n| what(n.kind)).count();
         let parts = [
-            (self.skipped().count(), "skipped"),
-            (count(|kind| matches!(kind, LimitKind::RailTooSlow(_))), "cut short for the rail"),
-            (count(|kind| kind == LimitKind::FingerBusy), "cut short for the finger"),
-            (count(|kind| kind == LimitKind::GivenUp), "given up"),
+            (count(LimitKind::omits), "omitted"),
+            (count(|kind| matches!(kind, LimitKind::RailTooSlow(_))), "shortened for the rail"),
+            (count(|kind| kind == LimitKind::FingerBusy), "shortened for the finger"),
+            (count(|kind| kind == LimitKind::HandNeeded), "shortened for a later note"),
             (self.merged_notes, "too soon after one of the same key"),
             (self.quick_restrikes, "struck again at once"),
         ];

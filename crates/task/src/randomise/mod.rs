@@ -1,9 +1,11 @@
-//! Domain randomisation: physical numbers are drawn about their nominal values for each episode, without rebuilding the model.
+//! Domain randomisation: physical parameters are drawn about their nominal values for each episode, without
+//! rebuilding the model.
 //!
-//! One intensity `C` in [0, 1] scales every width, as in the code of the paper's authors (lasr-lab/learning-to-play-piano): at 0
-//! the world keeps its nominal numbers, at 1 a quantity covers its full range. Ranges shrink toward the nominal value, which is
-//! therefore the median of the draws: an identified simulator is randomised about the identified values. [`Widths`] are either
-//! those of the paper's seven quantities, or a half-width for each identified number.
+//! One intensity `C` in [0, 1] scales every width, as in the code of the paper's authors
+//! (lasr-lab/learning-to-play-piano): at 0 the world keeps its nominal parameters, at 1 a quantity covers its
+//! full range. Ranges shrink toward the nominal value, which is therefore the median of the draws: an
+//! identified simulator is randomised about the identified values. [`Widths`] are either those of the paper's
+//! seven quantities, or a half-width for each identified parameter.
 
 mod grid;
 mod spread;
@@ -19,7 +21,7 @@ use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::TaskError;
-use spread::{Reach, Spread};
+use spread::{Spread, SpreadKind};
 pub use widths::Widths;
 
 /// How much to randomise.
@@ -34,7 +36,7 @@ pub struct RandomisationConfig {
 
 /// Full range of a randomised quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Full {
+pub enum FullRange {
     /// One value for the world, anywhere between the two.
     Between(WorldRow, f64, f64),
     /// One value for the world, the nominal one plus or minus this.
@@ -44,14 +46,14 @@ pub enum Full {
 }
 
 /// The paper's seven quantities ("Domain Randomization") with their ranges at full intensity.
-pub const RANDOMISED: &[(&str, Full)] = &[
-    ("height of the piano", Full::Around(WorldRow::KeyboardHeight, 0.0085)),
-    ("starting position of the hand", Full::Around(WorldRow::HandStart, 0.33)),
-    ("dampening of the joints", Full::Scaled(JointRow::Damping, 0.9)),
-    ("applied force of each actuator", Full::Scaled(JointRow::Stiffness, 0.9)),
-    ("threshold of a key", Full::Between(WorldRow::KeyThreshold, 0.1, 0.9)),
-    ("stiffness of the springs", Full::Between(WorldRow::KeyStiffness, 0.3, 2.3)),
-    ("friction of keys and fingertips", Full::Between(WorldRow::KeyFriction, 0.2, 2.5)),
+pub const RANDOMISED: &[(&str, FullRange)] = &[
+    ("height of the piano", FullRange::Around(WorldRow::KeyboardHeight, 0.0085)),
+    ("starting position of the hand", FullRange::Around(WorldRow::HandStart, 0.33)),
+    ("dampening of the joints", FullRange::Scaled(JointRow::Damping, 0.9)),
+    ("applied force of each actuator", FullRange::Scaled(JointRow::Stiffness, 0.9)),
+    ("threshold of a key", FullRange::Between(WorldRow::KeyThreshold, 0.1, 0.9)),
+    ("stiffness of the springs", FullRange::Between(WorldRow::KeyStiffness, 0.3, 2.3)),
+    ("friction of keys and fingertips", FullRange::Between(WorldRow::KeyFriction, 0.2, 2.5)),
 ];
 
 /// Draws worlds about a nominal one.
@@ -60,7 +62,8 @@ pub struct Randomisation {
     nominal: PhysicalParams,
     intensity: f64,
     spreads: Vec<Spread>,
-    /// How the joints are driven; `None` if the drawn numbers are not limited to those for which the physics is stable.
+    /// How the joints are driven; `None` if the drawn parameters are not limited to those for which the
+    /// physics is stable.
     guarded: Option<Actuation>,
 }
 
@@ -87,7 +90,7 @@ impl Randomisation {
         self.intensity > 0.0
     }
 
-    /// Draws the numbers of an episode. At intensity 0 the random stream is not used.
+    /// Draws the parameters of an episode. At intensity 0 the random stream is not used.
     pub fn draw(&self, random: &mut Pcg64) -> PhysicalParams {
         let mut params = self.nominal.clone();
         if !self.is_on() {
@@ -99,7 +102,7 @@ impl Randomisation {
         self.guard(params)
     }
 
-    /// Paths of the randomised numbers, in the order in which they are drawn.
+    /// Paths of the randomised parameters, in the order in which they are drawn.
     pub fn paths(&self) -> impl Iterator<Item = String> {
         self.spreads.iter().map(|spread| spread.slot.path())
     }
@@ -112,14 +115,14 @@ impl Randomisation {
     }
 }
 
-/// The paper's quantities, number by number.
+/// The paper's quantities, parameter by parameter.
 fn papers() -> Vec<Spread> {
-    let world = |quantity, reach| vec![Spread { slot: Slot::World(quantity), reach }];
+    let world = |quantity, kind| vec![Spread { slot: Slot::World(quantity), kind }];
     let spreads = RANDOMISED.iter().flat_map(|(_, full)| match *full {
-        Full::Between(quantity, low, high) => world(quantity, Reach::Between(low, high)),
-        Full::Around(quantity, width) => world(quantity, Reach::Around(width)),
-        Full::Scaled(quantity, width) => (0..DRIVEN_JOINTS)
-            .map(|joint| Spread { slot: Slot::Joint(quantity, joint), reach: Reach::Scaled(width) })
+        FullRange::Between(quantity, low, high) => world(quantity, SpreadKind::Between(low, high)),
+        FullRange::Around(quantity, width) => world(quantity, SpreadKind::Around(width)),
+        FullRange::Scaled(quantity, width) => (0..DRIVEN_JOINTS)
+            .map(|joint| Spread { slot: Slot::Joint(quantity, joint), kind: SpreadKind::Scaled(width) })
             .collect(),
     });
     spreads.collect()

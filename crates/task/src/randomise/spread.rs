@@ -1,12 +1,12 @@
-//! How far one number is randomised about its nominal value.
+//! How far one parameter is randomised about its nominal value.
 
 use etude_stage::params::{PhysicalParams, Slot};
 use rand::RngExt as _;
 use rand_pcg::Pcg64;
 
-/// The range of a number at full intensity.
+/// The range of a parameter at full intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Reach {
+pub(super) enum SpreadKind {
     /// From the first to the second, extended to the nominal value where that lies outside.
     Between(f64, f64),
     /// The nominal value ± this.
@@ -15,45 +15,45 @@ pub(super) enum Reach {
     Scaled(f64),
 }
 
-/// One number and its range.
+/// One parameter and its range.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spread {
     pub slot: Slot,
-    pub reach: Reach,
+    pub kind: SpreadKind,
 }
 
 impl Spread {
     /// The largest deviation that [`draw`](Self::draw) returns, to either side.
     pub(super) fn widest(&self) -> f64 {
-        match self.reach {
-            Reach::Between(..) | Reach::Around(_) => 1.0,
-            Reach::Scaled(width) => width,
+        match self.kind {
+            SpreadKind::Between(..) | SpreadKind::Around(_) => 1.0,
+            SpreadKind::Scaled(width) => width,
         }
     }
 
     /// Draws a deviation, uniform to either side.
     pub(super) fn draw(&self, random: &mut Pcg64) -> f64 {
-        match self.reach {
-            Reach::Between(..) => {
+        match self.kind {
+            SpreadKind::Between(..) => {
                 let below = random.random_bool(0.5);
                 let deviation = random.random::<f64>();
                 if below { -deviation } else { deviation }
             }
-            Reach::Around(_) => random.random_range(-1.0..=1.0),
-            Reach::Scaled(width) => random.random_range(-width..=width),
+            SpreadKind::Around(_) => random.random_range(-1.0..=1.0),
+            SpreadKind::Scaled(width) => random.random_range(-width..=width),
         }
     }
 
-    /// Moves the number, which `params` holds at its nominal value, by `deviation` times `intensity`.
+    /// Moves the parameter, which `params` holds at its nominal value, by `deviation` times `intensity`.
     pub(super) fn set(&self, params: &mut PhysicalParams, intensity: f64, deviation: f64) {
         let nominal = params.value(self.slot);
-        let value = match self.reach {
-            Reach::Between(low, high) => {
+        let value = match self.kind {
+            SpreadKind::Between(low, high) => {
                 let end = if deviation < 0.0 { low.min(nominal) } else { high.max(nominal) };
                 nominal + intensity * deviation.abs() * (end - nominal)
             }
-            Reach::Around(width) => nominal + intensity * deviation * width,
-            Reach::Scaled(_) => nominal * (1.0 + intensity * deviation),
+            SpreadKind::Around(width) => nominal + intensity * deviation * width,
+            SpreadKind::Scaled(_) => nominal * (1.0 + intensity * deviation),
         };
         params.set_clamped(self.slot, value);
     }

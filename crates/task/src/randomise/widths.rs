@@ -1,4 +1,5 @@
-//! The widths of the randomisation: the paper's table, or half-widths by path, such as the 95 % intervals of an identification.
+//! The widths of the randomisation: the paper's table, or half-widths by path, such as the 95 % intervals of
+//! an identification.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,7 +10,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::spread::{Reach, Spread};
+use super::spread::{Spread, SpreadKind};
 use crate::TaskError;
 
 /// What is randomised, and how far at full intensity.
@@ -18,9 +19,9 @@ pub enum Widths {
     /// The paper's seven quantities ([`RANDOMISED`](super::RANDOMISED)); `"paper"` in a configuration.
     #[default]
     Paper,
-    /// Half-widths by path, in the unit of the row: uniform within the nominal value ± this, clamped to the row's range.
-    /// `joint.all.<name>` and `joint.fingers.<name>` name several joints, which are drawn independently. The path of one joint
-    /// takes precedence over `fingers`, and `fingers` over `all`.
+    /// Half-widths by path, in the unit of the row: uniform within the nominal value ± this, clamped to the
+    /// row's range. `joint.all.<name>` and `joint.fingers.<name>` name several joints, which are drawn
+    /// independently. The path of one joint takes precedence over `fingers`, and `fingers` over `all`.
     Identified(BTreeMap<String, f64>),
 }
 
@@ -60,7 +61,7 @@ impl<'de> Deserialize<'de> for Widths {
     }
 }
 
-/// The numbers that `widths` names, in the order of the rows of the tables.
+/// The parameters that `widths` names, in the order of the rows of the tables.
 pub(super) fn spreads(widths: &BTreeMap<String, f64>) -> Result<Vec<Spread>, TaskError> {
     let mut all: Vec<(Slot, Option<f64>)> = Slot::all().map(|slot| (slot, None)).collect();
     // In ascending order of the paths, `all` comes before `fingers`, and both before the name of any joint.
@@ -76,7 +77,7 @@ pub(super) fn spreads(widths: &BTreeMap<String, f64>) -> Result<Vec<Spread>, Tas
             .filter(|(slot, _)| named.contains(slot))
             .for_each(|(_, slot_width)| *slot_width = Some(width));
     }
-    let spread = |(slot, width): (Slot, Option<f64>)| Some(Spread { slot, reach: Reach::Around(width?) });
+    let spread = |(slot, width): (Slot, Option<f64>)| Some(Spread { slot, kind: SpreadKind::Around(width?) });
     Ok(all.into_iter().filter_map(spread).collect())
 }
 

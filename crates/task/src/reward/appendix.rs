@@ -3,22 +3,22 @@
 use etude_music::KEY_COUNT;
 use etude_stage::RAIL;
 
-use super::{Moment, tolerance};
+use super::context::{StepContext, tolerance};
 
 /// Closeness of the palm to the middle of the due keys along the keyboard.
-pub(super) fn hand_position(moment: &Moment) -> f64 {
-    if moment.due.is_empty() {
+pub(super) fn hand_position(context: &StepContext) -> f64 {
+    if context.due.is_empty() {
         return 1.0;
     }
-    let sum: f64 = moment.due.iter().map(|key| moment.world.key_target(key)[1]).sum();
-    let middle = sum / moment.due.len() as f64;
-    tolerance((moment.world.joints_true()[RAIL] - middle).abs(), 0.03, 0.3)
+    let sum: f64 = context.due.iter().map(|key| context.world.key_target(key)[1]).sum();
+    let middle = sum / context.due.len() as f64;
+    tolerance((context.world.joints_true()[RAIL] - middle).abs(), 0.03, 0.3)
 }
 
 /// 0 if nothing sounds, from 0.5 if something wrong sounds, from 1 if all that sounds is due; more for deeper keys.
-pub(super) fn graded_key_press(moment: &Moment) -> f64 {
-    let (due, pressed) = (moment.due, moment.world.pressed());
-    let travel = |key| moment.world.key_travel(key).clamp(0.0, 1.0);
+pub(super) fn graded_key_press(context: &StepContext) -> f64 {
+    let (due, pressed) = (context.due, context.world.pressed());
+    let travel = |key| context.world.key_travel(key).clamp(0.0, 1.0);
     if due.is_empty() {
         let deepest = (0..KEY_COUNT).map(travel).fold(0.0, f64::max);
         return if pressed.is_empty() { 1.5 } else { 2.0 * (1.0 - deepest) };
@@ -32,9 +32,9 @@ pub(super) fn graded_key_press(moment: &Moment) -> f64 {
 }
 
 /// One minus a penalty for moving the rail while keys are down.
-pub(super) fn sliding(moment: &Moment) -> f64 {
-    let velocity = moment.world.joint_velocities()[RAIL];
-    let down = moment.world.pressed();
+pub(super) fn sliding(context: &StepContext) -> f64 {
+    let velocity = context.world.joint_velocities()[RAIL];
+    let down = context.world.pressed();
     let neighbours = down.0 & (down.0 >> 1) != 0;
     let factor = if down.is_empty() {
         0.0

@@ -1,8 +1,9 @@
 //! Lags of the hand behind its targets, measured in a world of their own.
 //!
-//! The lags depend on filters, limits, gains, masses and the springs of the keys, all of which may vary. So they are measured: one
-//! finger strikes one white and one black key and turns once, which takes a few milliseconds of computing. With the default numbers of
-//! `PhysicalParams` a strike takes 70 ms (black: 80) and a release 55 ms; motors with back-EMF, as in the preset `fast`, are slower.
+//! The lags depend on filters, limits, gains, masses and the springs of the keys, all of which may vary.
+//! So they are measured: one finger strikes one white and one black key and turns once, which takes a few
+//! milliseconds of computing. With the default `PhysicalParams` a strike takes 70 ms (black: 80) and a
+//! release 55 ms; motors with back-EMF, as in the preset `fast`, are slower.
 
 use etude_music::KeyEvent;
 use etude_stage::hand::JOINTS_PER_FINGER;
@@ -10,25 +11,27 @@ use etude_stage::params::JointRow;
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL, StageConfig, World};
 
 use crate::TaskError;
-use crate::fingering::comb::Comb;
-use crate::fingering::rail::CONTROL_SECS;
+use crate::fingering::hand_reach::HandReach;
+use crate::fingering::rail_model::CONTROL_SECS;
 
 /// The finger that is measured: the middle one, whose root is not splayed.
 const FINGER: usize = 1;
 /// Middle C and its sharp.
-const KEYS: [usize; 2] = [24, 25];
+const TRIAL_KEYS: [usize; 2] = [24, 25];
 /// Long enough for any move to end, control steps.
 const TRIAL_STEPS: usize = 20;
 /// Lag that is assumed if the key does not sound in the trial, s.
 const UNKNOWN_SECS: f64 = 0.1;
-/// How much lower than usual the finger waits between two strikes of one key, m. The usual height is 6 mm over the key.
+/// How much lower than usual the finger waits between two strikes of one key, m. The usual height is 6 mm
+/// over the key.
 const LOWERED_M: [f64; 3] = [0.0, 0.002, 0.004];
 /// A small turn of the finger, rad.
 const TURN_RAD: f64 = 0.1;
 /// A key may cross its threshold this much before the end of a control step, s: one physics step.
 const MARGIN_SECS: f64 = 0.005;
 
-/// How late the hand is behind its targets, on a white and on a black key. A time is absent if it is longer than a second.
+/// How late the hand is behind its targets, on a white and on a black key. A time is absent if it is
+/// longer than a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lags {
     /// From the target that strikes until the key sounds, s: `[white, black]`.
@@ -40,38 +43,39 @@ pub struct Lags {
 }
 
 impl Lags {
-    /// Measures them in the world of `stage` with these physical numbers.
+    /// Measures them in the world of `stage` with these physical parameters.
     ///
     /// # Errors
     /// If the world cannot be built.
     pub fn measure(stage: &StageConfig, params: &PhysicalParams) -> Result<Self, TaskError> {
         let mut trial = Trial::new(stage, params)?;
         let mut lags = Self { sound_secs: [None; 2], silence_secs: [None; 2], follow_secs: 0.0 };
-        for (kind, key) in KEYS.into_iter().enumerate() {
+        for (kind, key) in TRIAL_KEYS.into_iter().enumerate() {
             let [up, down] = trial.poses(key, 0.0);
             trial.world.reset_to(&up);
             let is_down = |event: &KeyEvent| event.velocity > 0;
             lags.sound_secs[kind] = trial.first(&down, key, is_down);
             lags.silence_secs[kind] = trial.first(&up, key, |event| !is_down(event));
         }
-        lags.follow_secs = turning(&mut trial.world);
+        lags.follow_secs = mean_turn_lag(&mut trial.world);
         Ok(lags)
     }
 
     /// From the target that strikes to the first step in which the key sounds, in control steps.
     pub(super) fn strike_steps(&self, is_black: bool) -> usize {
-        lead(self.sound_secs[usize::from(is_black)])
+        whole_steps(self.sound_secs[usize::from(is_black)])
     }
 
     /// From the target that lifts to the first step in which it does not, in control steps.
     pub(super) fn release_steps(&self, is_black: bool) -> usize {
-        lead(self.silence_secs[usize::from(is_black)])
+        whole_steps(self.silence_secs[usize::from(is_black)])
     }
 }
 
-/// The shortest time for which a white and a black key are silent when the hand strikes them again at once, s: `[white, black]`. The
-/// finger is lifted for as few control steps, and as little, as it needs for a silence of a control step, which a player observes and a
-/// listener hears. Absent if it cannot within a second.
+/// The shortest time for which a white and a black key are silent when the hand strikes them again at
+/// once, s: `[white, black]`. The finger is lifted for as few control steps, and as little, as it needs for
+/// a silence of a control step, which a policy observes and a listener hears. Absent if it cannot within a
+/// second.
 ///
 /// # Errors
 /// If the world cannot be built.
@@ -80,7 +84,7 @@ pub fn shortest_silences(
     params: &PhysicalParams,
 ) -> Result<[Option<f64>; 2], TaskError> {
     let mut trial = Trial::new(stage, params)?;
-    Ok(KEYS.map(|key| {
+    Ok(TRIAL_KEYS.map(|key| {
         LOWERED_M.into_iter().filter_map(|lowered| trial.shortest_silence(key, lowered)).reduce(f64::min)
     }))
 }
@@ -88,7 +92,7 @@ pub fn shortest_silences(
 /// A world in which one finger strikes.
 struct Trial {
     world: World,
-    comb: Comb,
+    reach: HandReach,
 }
 
 impl Trial {
@@ -96,16 +100,20 @@ impl Trial {
         // Without encoder biases, since lags do not depend on them.
         let mut params = params.clone();
         (0..DRIVEN_JOINTS).for_each(|joint| params.set_joint(JointRow::EncoderBias, joint, 0.0));
-        Ok(Self { world: World::new(stage, &params)?, comb: Comb::new(stage.side, &params) })
+        Ok(Self { world: World::new(stage, &params)?, reach: HandReach::new(stage.side, &params) })
     }
 
     /// The finger waiting over `key`, so much lower than usual (m), and pressing it.
     fn poses(&self, key: usize, lowered: f64) -> [[f64; DRIVEN_JOINTS]; 2] {
-        let ([x, y], rail) = (self.comb.over(key), middle(self.comb.tube(FINGER, key)));
-        [self.comb.hover(key) - lowered, self.comb.pressed(key)].map(|z| {
+        let [x, y] = self.reach.over(key);
+        let [low, high] = self.reach.rail_interval(FINGER, key);
+        let rail = (low + high) / 2.0;
+        [self.reach.hover_height(key) - lowered, self.reach.pressed_height(key)].map(|z| {
             let mut pose = self.world.start_pose();
             pose[RAIL] = rail;
-            with(&pose, self.comb.angles(FINGER, [x, y, z], rail).unwrap_or_default())
+            let angles = self.reach.joint_angles(FINGER, [x, y, z], rail).unwrap_or_default();
+            pose[FINGER * JOINTS_PER_FINGER..][..JOINTS_PER_FINGER].copy_from_slice(&angles);
+            pose
         })
     }
 
@@ -147,35 +155,27 @@ impl Trial {
     }
 }
 
-fn middle([low, high]: [f64; 2]) -> f64 {
-    (low + high) / 2.0
-}
-
-fn with(pose: &[f64; RAIL + 1], angles: [f64; JOINTS_PER_FINGER]) -> [f64; RAIL + 1] {
-    let mut pose = *pose;
-    pose[FINGER * JOINTS_PER_FINGER..][..JOINTS_PER_FINGER].copy_from_slice(&angles);
-    pose
-}
-
 /// The whole control steps in a lag; the rest lies within the intended step.
-fn lead(lag_secs: Option<f64>) -> usize {
+fn whole_steps(lag_secs: Option<f64>) -> usize {
     ((lag_secs.unwrap_or(UNKNOWN_SECS) - MARGIN_SECS) / CONTROL_SECS).max(0.0) as usize
 }
 
-/// Mean lag of a turn about the finger's axis: the area between target and joint over the size of the step.
-fn turning(world: &mut World) -> f64 {
+/// Mean lag of a turn about the finger's axis: the area between target and joint over the size of the
+/// step.
+fn mean_turn_lag(world: &mut World) -> f64 {
     world.reset();
     let mut pose = world.start_pose();
     let joint = FINGER * JOINTS_PER_FINGER;
     let begin = pose[joint];
     pose[joint] += TURN_RAD;
-    let mut behind = CONTROL_SECS / 2.0; // A target that is held for a control step is half a step late on average.
+    // A target that is held for a control step is half a step late on average.
+    let mut behind = CONTROL_SECS / 2.0;
     let mut before = 0.0;
     for _ in 0..TRIAL_STEPS {
         world.step(&pose);
-        let gone = (world.joints()[joint] - begin) / TURN_RAD;
-        behind += (1.0 - (before + gone) / 2.0) * CONTROL_SECS;
-        before = gone;
+        let turned = (world.joints()[joint] - begin) / TURN_RAD;
+        behind += (1.0 - (before + turned) / 2.0) * CONTROL_SECS;
+        before = turned;
     }
     behind
 }

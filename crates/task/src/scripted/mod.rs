@@ -1,7 +1,7 @@
 //! The scripted baseline: inverse kinematics and timing, no learning.
 //!
-//! It is a hand-designed baseline, and shows that a song can be played in this world. It turns a [`Fingering`] into joint targets
-//! that compensate lags measured in advance (`motion`, `lags`), and plays them open loop, without feedback.
+//! It turns a [`Fingering`] into joint targets that compensate lags measured in advance (`motion`,
+//! `lags`), and plays them open loop, without feedback. It shows that a song can be played in this world.
 
 mod lags;
 mod motion;
@@ -13,8 +13,8 @@ use std::sync::Arc;
 use etude_stage::DRIVEN_JOINTS;
 pub use lags::{Lags, shortest_silences};
 
-use crate::fingering::comb::Comb;
-use crate::fingering::rail::Rail;
+use crate::fingering::hand_reach::HandReach;
+use crate::fingering::rail_model::RailModel;
 use crate::fingering::{Fingering, Limits};
 use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 
@@ -30,31 +30,34 @@ impl ScriptedBaseline {
     /// Plans `piece` for the nominal world of `config`.
     ///
     /// # Errors
-    /// If the configuration's physical numbers are not sound.
+    /// If a physical parameter is out of range.
     pub fn new(config: &TaskConfig, piece: &Piece) -> Result<Self, TaskError> {
         Self::new_with_progress(config, piece, &mut |_| {})
     }
 
-    /// The same for a piece that may be long: tells what share of its fingering is planned, 0 to 1.
+    /// The same for a piece that may be long: `on_progress` receives the share of its fingering that is
+    /// planned, 0 to 1.
     ///
     /// # Errors
-    /// If the configuration's physical numbers are not sound, or the world in which the lags are measured cannot be built.
+    /// If a physical parameter is out of range, or the world in which the lags are measured cannot be built.
     pub fn new_with_progress(
         config: &TaskConfig,
         piece: &Piece,
         on_progress: &mut dyn FnMut(f64),
     ) -> Result<Self, TaskError> {
         let (stage, params) = (&config.stage, &config.params()?);
-        let planned = || Arc::new(Fingering::plan(stage, params, config.change_steps, piece, on_progress));
+        let strokes = piece.strokes();
+        let planned = || Arc::new(Fingering::plan(stage, params, config.change_steps, &strokes, on_progress));
         let fingering = piece.fingering().cloned().unwrap_or_else(planned);
-        let comb = Comb::new(stage.side, params);
-        let rail = Rail::new(stage, params);
+        let reach = HandReach::new(stage.side, params);
+        let rail = RailModel::new(stage, params);
         let lags = Lags::measure(stage, params)?;
-        let targets = motion::targets((&comb, &rail, &lags, params), &fingering);
+        let targets = motion::targets((&reach, &rail, &lags, params), &fingering);
         Ok(Self { targets, range: TargetRange::new(piece), limits: fingering.limits().clone() })
     }
 
-    /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those of the last step.
+    /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those
+    /// of the last step.
     pub fn targets(&self, step: usize) -> [f64; DRIVEN_JOINTS] {
         self.targets.get(step).or(self.targets.last()).copied().unwrap_or_default()
     }

@@ -1,11 +1,10 @@
 //! What the tests share: short songs, configurations that stress the promise of reproducibility, and random actions.
 
-use std::sync::atomic::AtomicBool;
-
 use etude_learn::{StepBatch, VectorEnvironment};
-use etude_music::{Note, Song};
-use etude_perform::{Performance, SimRig, perform};
-use etude_task::{ACTION_LEN, Piece, Player, RandomisationConfig, TaskConfig, VectorPiano};
+use etude_music::{KeySet, Note, Song};
+use etude_task::{
+    ACTION_LEN, Environment, Piece, Player, RandomisationConfig, TaskConfig, VectorPiano, layout,
+};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -26,14 +25,19 @@ pub fn restless() -> TaskConfig {
     TaskConfig { randomisation: RandomisationConfig { intensity: 0.5, ..Default::default() }, ..nominal() }
 }
 
-/// Plays `piece` once on `rig`.
-pub fn play_on(rig: &mut SimRig, config: &TaskConfig, piece: &Piece, player: &mut dyn Player) -> Performance {
-    perform(rig, player, config, piece, None, &AtomicBool::new(false)).unwrap()
-}
-
-/// Plays `piece` once in the nominal world.
-pub fn play_nominal(config: &TaskConfig, piece: &Piece, player: &mut dyn Player) -> Performance {
-    play_on(&mut SimRig::nominal(config, piece).unwrap(), config, piece, player)
+/// Plays `piece` once in the nominal world: the keys that sound at the end of each control step.
+pub fn play_nominal(config: &TaskConfig, piece: &Piece, player: &mut dyn Player) -> Vec<KeySet> {
+    let mut environment = Environment::new(&config.without_randomness(), piece, 0).unwrap();
+    let mut parts = vec![0.0; environment.reward().names().len()];
+    let mut observation = vec![0.0; layout(config).len()];
+    let mut action = [0.0; ACTION_LEN];
+    (0..piece.steps())
+        .map(|step| {
+            environment.observe(&mut observation);
+            player.act(step, &observation, &mut action);
+            environment.step(&action, &mut parts).pressed
+        })
+        .collect()
 }
 
 /// Actions near the middle of the keyboard that change every few steps, the same for the same seed.

@@ -157,7 +157,7 @@ fn a_melody_is_not_left_out_for_one_long_note_below_it() {
     let above = above.map(|(beat, pitch)| note(pitch, 0.5 * beat as f64, 0.5 * beat as f64 + 0.45));
     let notes: Vec<Note> = std::iter::once(note(48, 0.0, 6.0)).chain(above).collect();
     let piece = Piece::for_task(&Song::new("", notes, 0.0).unwrap(), &with_fingering()).unwrap();
-    let skipped: Vec<usize> = piece.fingering().unwrap().limits().skipped().map(|note| note.key).collect();
+    let skipped: Vec<usize> = piece.fingering().unwrap().limits().omitted().map(|note| note.key).collect();
     assert_eq!(skipped, [48 - 36], "the bass alone");
     // Two voices in parallel, too far apart: the upper one is played.
     let two = melody.into_iter().enumerate().flat_map(|(beat, pitch)| {

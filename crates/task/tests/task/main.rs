@@ -6,7 +6,6 @@ mod bench;
 mod corpora;
 mod fingerings;
 mod model_choices;
-mod performances;
 mod randomisation;
 #[path = "../../../stage/tests/stage/replica.rs"]
 mod replica;

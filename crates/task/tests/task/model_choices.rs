@@ -11,7 +11,7 @@ use etude_music::{KEY_COUNT, KeySet, repertoire};
 use etude_stage::geometry::KeyShape;
 use etude_stage::params::WorldRow;
 use etude_stage::{PhysicalParams, RAIL, StageConfig, World, joint_range};
-use etude_task::{ACTION_LEN, History, Piece, TargetRange, TaskConfig, layout, observe};
+use etude_task::{ACTION_LEN, Piece, RigState, Stepper, TaskConfig, layout};
 
 use crate::bench::play_nominal;
 use crate::replica::{Moment, Replica, swap};
@@ -91,7 +91,7 @@ impl Player {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies");
         let policy = Policy::load(&folder.join(format!("{song}.safetensors"))).unwrap();
         let config = &policy.header().notes["training"]["config"]["task"];
-        let config = serde_json::from_value::<TaskConfig>(config.clone()).unwrap();
+        let config: TaskConfig = serde_json::from_value(config.clone()).unwrap();
         let piece = Piece::for_task(&repertoire::get(song).unwrap(), &config).unwrap();
         Self { policy, config, piece }
     }
@@ -104,24 +104,27 @@ impl Player {
 
     /// Keys pressed at the end of each control step in the environment.
     fn play(&mut self) -> Vec<KeySet> {
-        play_nominal(&self.config, &self.piece, &mut self.policy).pressed
+        play_nominal(&self.config, &self.piece, &mut self.policy)
     }
 
     /// The same in a replica, and what moved on the way.
     fn play_on(&mut self, replica: &mut Replica) -> (Vec<KeySet>, Vec<Moment>) {
-        let range = TargetRange::new(&self.piece);
         let mut observation = vec![0.0; layout(&self.config).len()];
         let (mut pressed, mut moments) = (Vec::new(), Vec::new());
-        let (mut now, mut history) = (KeySet::EMPTY, History::at_rest(replica.joints(), &range, 0));
-        for step in 0..self.piece.steps() {
-            let joints = self.config.observed(replica.joints(), replica.set_points());
-            observe(&self.config, &joints, &history, now, &self.piece, step, &mut observation);
+        let state = |replica: &Replica, keys: KeySet| RigState {
+            joints: replica.joints(),
+            set_points: replica.set_points(),
+            keys,
+        };
+        let mut now = state(replica, KeySet::EMPTY);
+        let mut stepper = Stepper::new(&self.config, &self.piece, &now).unwrap();
+        while !stepper.is_over() {
+            stepper.observe(&now, &mut observation);
             let action = self.act(&observation);
-            history.push(joints, &action);
-            let targets = range.targets(&action, step);
-            moments.extend(replica.record(&[targets]));
-            now = replica.down(replica.data.qpos());
-            pressed.push(now);
+            moments.extend(replica.record(&[stepper.command(&action).targets]));
+            stepper.advance(&now, &action);
+            now = state(replica, replica.down(replica.data.qpos()));
+            pressed.push(now.keys);
         }
         (pressed, moments)
     }

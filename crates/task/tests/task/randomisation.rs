@@ -3,13 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use etude_perform::SimRig;
 use etude_stage::{Actuation, PhysicalParams, World, joint_range};
 use etude_task::{Environment, Randomisation, RandomisationConfig, TaskConfig, Widths};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
-use crate::bench::{nominal, play_on, restless, short_piece};
+use crate::bench::{nominal, restless, short_piece};
 
 fn worlds(config: &TaskConfig, seed: u64, episodes: usize) -> Vec<PhysicalParams> {
     let mut environment = Environment::new(config, &short_piece(), seed).unwrap();
@@ -57,37 +56,6 @@ fn a_drawn_world_is_in_force_from_the_first_step() {
         assert_eq!(drawn.world().joints(), built.world().joints());
         assert_eq!(drawn.world().pressed(), built.world().pressed());
     }
-}
-
-#[test]
-fn a_performance_is_in_the_world_that_its_seed_draws() {
-    let (config, piece) = (restless(), short_piece());
-    let drawn = |seed| {
-        let mut rig = SimRig::new(&config, &piece, seed).unwrap();
-        play_on(&mut rig, &config, &piece, &mut |_: usize, _: &[f32], _: &mut [f32; 13]| {});
-        rig.world().params().clone()
-    };
-    assert!(drawn(5) == drawn(5) && drawn(5) != drawn(6) && drawn(5) != PhysicalParams::default());
-}
-
-#[test]
-fn a_performance_in_a_world_is_one_where_it_is_nominal() {
-    let piece = short_piece();
-    let params = worlds(&restless(), 3, 1).remove(0);
-    let mut fixed = nominal();
-    for (path, _, _) in PhysicalParams::rows() {
-        fixed.physics.insert(path.clone(), params.get(&path).unwrap());
-    }
-    let mut press = |_: usize, _: &[f32], action: &mut [f32; 13]| {
-        *action = [0.0, 0.3, 0.2, 0.1, 0.0, 0.4, 0.2, 0.1, 0.0, 0.3, 0.2, 0.1, 0.05];
-    };
-    let mut in_world = SimRig::in_world(&restless(), &piece, &params).unwrap();
-    let chosen = play_on(&mut in_world, &restless(), &piece, &mut press);
-    let built = play_on(&mut SimRig::nominal(&fixed, &piece).unwrap(), &fixed, &piece, &mut press);
-    assert_eq!(
-        (chosen.pressed, chosen.events, chosen.simulation),
-        (built.pressed, built.events, built.simulation)
-    );
 }
 
 /// Steps `world` under random targets all over the joints' ranges, which change every other control step.

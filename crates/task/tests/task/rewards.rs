@@ -9,7 +9,7 @@ use etude_stage::{
 };
 use etude_task::ACTION_LEN;
 use etude_task::fingering::{Goal, Goals};
-use etude_task::reward::{Moment, TERMS, tolerance};
+use etude_task::reward::{StepContext, TERMS, tolerance};
 
 const STILL: [f32; ACTION_LEN] = [0.0; ACTION_LEN];
 
@@ -26,14 +26,14 @@ fn keys(numbers: &[usize]) -> KeySet {
     set
 }
 
-fn term(name: &str, moment: &Moment) -> f64 {
+fn term(name: &str, context: &StepContext) -> f64 {
     let term = TERMS.iter().find(|term| term.name == name).unwrap();
-    (term.value)(moment)
+    (term.value)(context)
 }
 
-fn moment<'a>(world: &'a World, due: &[usize]) -> Moment<'a> {
+fn context<'a>(world: &'a World, due: &[usize]) -> StepContext<'a> {
     let outcome = StepOutcome::default();
-    Moment {
+    StepContext {
         world,
         due: keys(due),
         held: keys(due),
@@ -69,10 +69,10 @@ fn keys_earn_for_being_down_where_they_are_due_and_up_where_they_are_not() {
     let pose = world.start_pose();
     for (due, down, key_press, graded) in table {
         world.pose(&pose, keys(down));
-        let moment = moment(&world, due);
+        let context = context(&world, due);
         let what = format!("due {due:?}, down {down:?}");
-        assert_near(term("key_press", &moment), key_press, &what);
-        assert_near(term("graded_key_press", &moment), graded, &format!("graded: {what}"));
+        assert_near(term("key_press", &context), key_press, &what);
+        assert_near(term("graded_key_press", &context), graded, &format!("graded: {what}"));
     }
 }
 
@@ -89,7 +89,7 @@ fn fingers_earn_for_the_keys_that_the_cheapest_lateral_assignment_gives_them() {
         tolerance(squares.sqrt(), 0.01, 0.05)
     };
     let aside = |finger: usize, key: usize| (pads[finger][1] - world.key_target(key)[1]).abs();
-    let earned = |due: &[usize]| term("optimal_transport", &moment(&world, due));
+    let earned = |due: &[usize]| term("optimal_transport", &context(&world, due));
 
     assert_near(earned(&[]), 1.0, "nothing due");
     let mut told_apart = 0;
@@ -119,9 +119,9 @@ fn fingers_earn_for_the_keys_that_the_cheapest_lateral_assignment_gives_them() {
 #[test]
 fn power_and_changes_of_action_and_collisions_cost() {
     let world = world();
-    let quiet = moment(&world, &[]);
+    let quiet = context(&world, &[]);
     let busy = StepOutcome { finger_power: 2.0, rail_power: 100.0, collided: true, ..StepOutcome::default() };
-    let loud = Moment { outcome: busy, ..moment(&world, &[]) };
+    let loud = StepContext { outcome: busy, ..context(&world, &[]) };
     assert_near(term("energy", &quiet), 0.0, "no power");
     assert_near(term("energy", &loud), -2.3, "power");
     assert_near(term("collision", &quiet), 0.5, "no collision");
@@ -130,7 +130,7 @@ fn power_and_changes_of_action_and_collisions_cost() {
     let mut action = STILL;
     action[RAIL] = 1.0;
     action[0] = -0.5;
-    let changed = Moment { action: &action, ..moment(&world, &[]) };
+    let changed = StepContext { action: &action, ..context(&world, &[]) };
     assert_near(term("action_change", &quiet), 0.0, "the same action");
     assert_near(term("action_change", &changed), -1.25 / ACTION_LEN as f64, "another action");
 }
@@ -144,7 +144,10 @@ fn a_finger_that_holds_a_key_pays_for_targets_out_of_reach() {
     let plain = Goal { key: 24, over: [0.0; 2], wait_steps: 0, age_steps: 4, velocity: 64 };
     let goal = |key, wait_steps| Some(Goal { key, wait_steps, ..plain });
     let earned = |targets: &[f64; DRIVEN_JOINTS], sounded: &[usize], goals: Goals| {
-        term("holding", &Moment { targets, pressed_before: keys(sounded), goals, ..moment(&world, &[24]) })
+        term(
+            "holding",
+            &StepContext { targets, pressed_before: keys(sounded), goals, ..context(&world, &[24]) },
+        )
     };
     let one_holds = [None, goal(24, 0), goal(26, 3)];
     assert_near(earned(&targets, &[24], one_holds), 0.5, "targets where the joints are");
@@ -160,7 +163,7 @@ fn a_finger_that_holds_a_key_pays_for_targets_out_of_reach() {
     assert_near(earned(&targets, &[24], two), (0.5 - 1.2 / 4.0) / 2.0, "one of two");
     assert_near(earned(&targets, &[24], [None, goal(24, 2), None]), 0.0, "it waits");
     // All fingers, whatever they do, but not the rail.
-    let tracking = term("tracking", &Moment { targets: &targets, ..moment(&world, &[]) });
+    let tracking = term("tracking", &StepContext { targets: &targets, ..context(&world, &[]) });
     assert_near(tracking, -1.7 / 12.0, "all targets");
 }
 
@@ -176,13 +179,13 @@ fn the_palm_earns_for_the_place_where_it_is_and_not_for_what_its_encoder_reads()
             let mut pose = world.start_pose();
             pose[RAIL] = middle + beside + bias;
             world.pose(&pose, KeySet::EMPTY);
-            let value = term("hand_position", &moment(&world, &[24, 28]));
+            let value = term("hand_position", &context(&world, &[24, 28]));
             assert!(
                 (value - expected).abs() < 1e-6,
                 "bias {bias}, {beside} m beside: {value}, not {expected}"
             );
         }
-        assert_near(term("hand_position", &moment(&world, &[])), 1.0, "nothing due");
+        assert_near(term("hand_position", &context(&world, &[])), 1.0, "nothing due");
     }
 }
 
@@ -206,7 +209,7 @@ fn sliding_costs_while_keys_are_down_and_twice_as_much_on_neighbours() {
         assert_eq!(world.pressed(), keys(down), "a key has risen");
         let velocity = world.joint_velocities()[RAIL];
         assert!(velocity > 0.05, "{velocity}");
-        let value = term("sliding", &moment(&world, &[]));
+        let value = term("sliding", &context(&world, &[]));
         assert_near(value, 1.0 - factor * velocity * velocity, &format!("down {down:?}"));
     }
 }
@@ -218,7 +221,7 @@ fn keys_that_are_not_due_cost_by_how_far_they_are_down() {
     world.pose(&pose, keys(&[24, 26, 31]));
     let table: [(&[usize], f64); 4] = [(&[], 3.0), (&[24], 2.0), (&[24, 26, 31], 0.0), (&[40], 3.0)];
     for (due, cost) in table {
-        let value = term("wrong_travel", &moment(&world, due));
+        let value = term("wrong_travel", &context(&world, due));
         assert!((value + cost).abs() < 1e-3, "due {due:?}: {value}, not −{cost}");
     }
     // The squared travel on the way up: lifting a key half pays.
@@ -229,7 +232,8 @@ fn keys_that_are_not_due_cost_by_how_far_they_are_down() {
         let squares = |travel: &dyn Fn(usize) -> f64| {
             -(0..49).map(|key| travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
         };
-        let wrong = |pressed_before| term("wrong_travel", &Moment { pressed_before, ..moment(&world, &[]) });
+        let wrong =
+            |pressed_before| term("wrong_travel", &StepContext { pressed_before, ..context(&world, &[]) });
         let value = wrong(keys(&[24, 26, 31]));
         assert_near(value, squares(&|key| world.key_travel(key)), "keys that are let go");
         assert!(value > last || value > -1e-3, "{value} after {last}");
@@ -250,8 +254,8 @@ fn a_key_that_the_fingering_leaves_early_neither_earns_nor_costs() {
     let up = 0.1f64.powf(1.9 * 1.9);
     for (down, expected) in [(&[24][..], 1.0), (&[24, 28], 1.0), (&[28], 0.5 * up + 0.5), (&[24, 29], 0.5)] {
         world.pose(&pose, keys(down));
-        let moment = Moment { held: keys(&[24]), ..moment(&world, &[24, 28]) };
-        assert_near(term("key_press", &moment), expected, &format!("down {down:?}"));
+        let context = StepContext { held: keys(&[24]), ..context(&world, &[24, 28]) };
+        assert_near(term("key_press", &context), expected, &format!("down {down:?}"));
     }
 }
 
@@ -269,7 +273,7 @@ fn a_finger_earns_for_its_own_goal_and_for_no_other() {
         let squares = (0..3).map(|axis| (pad[axis] - target[axis]).powi(2));
         tolerance(squares.sum::<f64>().sqrt(), 0.01, 0.05)
     };
-    let earned = |goals: Goals| term("fingering", &Moment { goals, ..moment(&world, &[]) });
+    let earned = |goals: Goals| term("fingering", &StepContext { goals, ..context(&world, &[]) });
     assert_near(earned([None; FINGERS]), 1.0, "without a goal");
     let playing = [goal(22, 0), None, goal(27, 0)];
     assert_near(earned(playing), (away(0, 22) + away(2, 27)) / 2.0, "two play");
@@ -306,7 +310,7 @@ fn a_strike_earns_by_how_near_it_is_to_the_velocity_of_its_note() {
     let earned = |name: &str, key: usize, age_steps: usize, velocity: u8, sounded: &[usize]| {
         let goal = Goal { key, over: [0.0; 2], wait_steps: 0, age_steps, velocity };
         let goals = [None, Some(goal), None];
-        term(name, &Moment { goals, pressed_before: keys(sounded), ..moment(&world, &[24]) })
+        term(name, &StepContext { goals, pressed_before: keys(sounded), ..context(&world, &[24]) })
     };
     for velocity in [1, 64, 127] {
         let error = (strike.force - f64::from(velocity)).abs() / 127.0;

@@ -1,5 +1,6 @@
 //! What the scripted baseline plays.
 
+use etude_music::metrics::frame_scores;
 use etude_music::{KeySet, Song, repertoire};
 use etude_stage::Side;
 use etude_task::{Piece, ScriptedBaseline, TaskConfig};
@@ -18,7 +19,7 @@ fn config(side: Side) -> TaskConfig {
 
 fn f1(config: &TaskConfig, piece: &Piece) -> f64 {
     let mut player = ScriptedBaseline::new(config, piece).unwrap();
-    play_nominal(config, piece, &mut player).scores().frame.f1
+    frame_scores(piece.frames(), &play_nominal(config, piece, &mut player)).f1
 }
 
 #[test]

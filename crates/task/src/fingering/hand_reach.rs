@@ -1,4 +1,4 @@
-//! The comb of fingertips over the keys: where the rail must be for a finger to play a key.
+//! Where the fingertips can be over the keys, and from which positions of the rail.
 
 use etude_music::key_is_black;
 use etude_stage::geometry::{BLACK, FENCE_RISE, HALF_WIDTH, KeyShape, WHITE, key_target};
@@ -9,20 +9,21 @@ use etude_stage::{PhysicalParams, Side, kinematics};
 /// Clearance of a waiting fingertip over its key, m: above the fences, low enough for a quick strike.
 const HOVER_M: f64 = 0.006;
 /// Clearance over black keys while a finger moves to or from one, m.
-const TRAVEL_M: f64 = 0.010;
-/// Depth of a strike as a fraction of the key's travel. It is above 1 because the reference slows down near its target and because
-/// the springs of key and joints yield.
-const DEPTH: f64 = 1.2;
-/// Least lateral distance of a waiting finger from a neighbour that plays, m.
-const BERTH_M: f64 = 0.0255;
-/// A finger that is farther than this to the side of its key turns over it first and strikes one control step later, m. Else it
-/// comes down on a fence, since it bends faster than it turns.
-pub(crate) const ASIDE_M: f64 = 0.008;
-/// How far a fingertip may be to either side of its place with an unturned root, m.
-pub(crate) const PLAY_M: f64 = 0.020;
+const CROSSING_M: f64 = 0.010;
+/// Depth of a strike as a fraction of the key's travel. It is above 1 because the reference slows down
+/// near its target and because the springs of key and joints yield.
+const STRIKE_DEPTH: f64 = 1.2;
+/// Lateral distance that a waiting finger keeps from a neighbour that plays, m.
+const MIN_NEIGHBOUR_M: f64 = 0.0255;
+/// A finger that is farther than this to the side of its key turns over it first and strikes one control
+/// step later, m. Else it comes down on a fence, since it bends faster than it turns.
+pub(crate) const TURN_FIRST_M: f64 = 0.008;
+/// How far a fingertip may be to either side of its position with an unturned root, m.
+pub(crate) const LATERAL_REACH_M: f64 = 0.020;
 /// Where white keys are pressed, m toward the player from their middle.
 const WHITE_X_M: f64 = 0.028;
-/// Where black keys are pressed, m toward the player from their middle: near the front, close to the white keys.
+/// Where black keys are pressed, m toward the player from their middle: near the front, close to the
+/// white keys.
 const BLACK_X_M: f64 = 0.034;
 
 /// How far toward the player from [`key_target`] a fingering presses `key`, m.
@@ -31,44 +32,45 @@ pub(crate) fn beyond_target(key: usize) -> f64 {
     x - key_target(key)[0]
 }
 
-/// Places for the centres of the fingertips, in the world frame.
-pub(crate) struct Comb {
+/// Positions for the centres of the fingertips, in the world frame.
+pub(crate) struct HandReach {
     side: Side,
     keyboard: [f64; 3],
 }
 
-impl Comb {
+impl HandReach {
     pub(crate) fn new(side: Side, params: &PhysicalParams) -> Self {
         let keyboard = [WorldRow::KeyboardDepth, WorldRow::KeyboardLateral, WorldRow::KeyboardHeight]
-            .map(|q| params.world(q));
+            .map(|row| params.world(row));
         Self { side, keyboard }
     }
 
-    /// Place `[x, y]` over a key, m.
+    /// Position `[x, y]` over a key, m.
     pub(crate) fn over(&self, key: usize) -> [f64; 2] {
         let [x, y, _] = key_target(key);
         [x + beyond_target(key) + self.keyboard[0], y + self.keyboard[1]]
     }
 
     /// Height of a waiting fingertip over `key`, m.
-    pub(crate) fn hover(&self, key: usize) -> f64 {
+    pub(crate) fn hover_height(&self, key: usize) -> f64 {
         KeyShape::of(key).top() + TIP_RADIUS + HOVER_M.max(FENCE_RISE) + self.keyboard[2]
     }
 
     /// Height at which a fingertip passes over black keys, m.
-    pub(crate) fn travel(&self) -> f64 {
-        BLACK.top() + TIP_RADIUS + TRAVEL_M + self.keyboard[2]
+    pub(crate) fn crossing_height(&self) -> f64 {
+        BLACK.top() + TIP_RADIUS + CROSSING_M + self.keyboard[2]
     }
 
     /// Height that a strike of `key` aims for, m.
-    pub(crate) fn pressed(&self, key: usize) -> f64 {
+    pub(crate) fn pressed_height(&self, key: usize) -> f64 {
         let shape = KeyShape::of(key);
         let from_hinge = self.over(key)[0] - self.keyboard[0] - shape.x + shape.size[0] / 2.0;
         let travel = shape.max_angle() * from_hinge;
-        shape.top() + TIP_RADIUS - DEPTH * travel + self.keyboard[2]
+        shape.top() + TIP_RADIUS - STRIKE_DEPTH * travel + self.keyboard[2]
     }
 
-    /// Lateral place of a fingertip at depth `x` when the finger's root is not turned and the rail is centred, m.
+    /// Lateral position of a fingertip at depth `x` when the finger's root is not turned and the rail is
+    /// centred, m.
     pub(crate) fn unturned(&self, finger: usize, x: f64) -> f64 {
         // An unturned finger moves in one upright plane, which two of its poses define.
         let straight = kinematics::fingertip(self.side, finger, &[0.0; 4], 0.0);
@@ -77,26 +79,27 @@ impl Comb {
         straight[1] + (bent[1] - straight[1]) * (x - straight[0]) / (bent[0] - straight[0])
     }
 
-    /// The lateral place nearest to `[x, y]` at which `finger` is clear of its neighbour `other`, which plays at `theirs`, m.
-    pub(crate) fn beside(&self, finger: usize, [x, y]: [f64; 2], other: usize, theirs: f64) -> f64 {
+    /// The lateral position nearest to `[x, y]` at which `finger` is clear of its neighbour `other`,
+    /// which plays at `other_y`, m.
+    pub(crate) fn clear_of(&self, finger: usize, [x, y]: [f64; 2], other: usize, other_y: f64) -> f64 {
         let above = self.unturned(finger, x) > self.unturned(other, x);
-        if above { y.max(theirs + BERTH_M) } else { y.min(theirs - BERTH_M) }
+        if above { y.max(other_y + MIN_NEIGHBOUR_M) } else { y.min(other_y - MIN_NEIGHBOUR_M) }
     }
 
     /// Rail positions from which `finger` can play `key`, m.
-    pub(crate) fn tube(&self, finger: usize, key: usize) -> [f64; 2] {
+    pub(crate) fn rail_interval(&self, finger: usize, key: usize) -> [f64; 2] {
         let [x, y] = self.over(key);
         let rail = y - self.unturned(finger, x);
-        [(rail - PLAY_M).max(-HALF_WIDTH), (rail + PLAY_M).min(HALF_WIDTH)]
+        [(rail - LATERAL_REACH_M).max(-HALF_WIDTH), (rail + LATERAL_REACH_M).min(HALF_WIDTH)]
     }
 
-    /// Joint angles that bring a fingertip to `target`, or as near to it laterally as the finger's play allows.
-    pub(crate) fn angles(&self, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; 4]> {
+    /// Joint angles that bring a fingertip to `target`, or as near to it laterally as the finger reaches.
+    pub(crate) fn joint_angles(&self, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; 4]> {
         let [x, y, z] = target;
         let unturned = self.unturned(finger, x) + rail;
-        // A little more than the planned play: the rail is not always where it is planned to be.
-        let play = PLAY_M * 1.25;
-        let y = y.clamp(unturned - play, unturned + play);
+        // A little more than is planned with: the rail is not always where it is planned to be.
+        let reach = LATERAL_REACH_M * 1.25;
+        let y = y.clamp(unturned - reach, unturned + reach);
         kinematics::reach(self.side, finger, [x, y, z], rail)
             .or_else(|| kinematics::reach(self.side, finger, [x, unturned, z], rail))
     }
