@@ -1,4 +1,5 @@
-//! Finds MuJoCo where `make setup` puts it, and passes the folder to dependent crates, which set their run-time search path from it.
+//! Finds MuJoCo where `make setup` puts it, and passes the folder to dependent crates, which set
+//! their run-time search path from it.
 
 use std::path::Path;
 

@@ -1,7 +1,8 @@
-//! The scripted baseline on every song of the repertoire: a table of scores and what limits each song.
+//! The scripted baseline on every song of the repertoire: a table of scores and what limits each
+//! song.
 //!
-//! `scripted` prints the table, `scripted lag` the lags and velocities of strikes of several depths, `scripted detail ID`
-//! the strikes and releases of one song.
+//! `scripted` prints the table, `scripted lag` the lags and velocities of strikes of several
+//! depths, `scripted detail ID` the strikes and releases of one song.
 #![allow(clippy::print_stdout)] // An example talks to the terminal.
 
 use std::error::Error;
@@ -74,7 +75,8 @@ fn detail(config: &TaskConfig, id: &str) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Times from a change of target to the key's threshold, and the strike's velocity, for one finger over one key.
+/// Times from a change of target to the key's threshold, and the strike's velocity, for one finger
+/// over one key.
 fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
     let params = config.params()?;
     let mut world = World::new(&config.stage, &params).map_err(TaskError::from)?;

@@ -1,8 +1,10 @@
-//! A correction of a robot's motion, learned on the robot itself by iterative learning control. A robot that follows simulated
-//! joints makes nearly the same motion in every run of a song, so what a joint missed in one run is added to its set-points in the next, earlier by the joint's lag.
+//! A correction of a robot's motion, learned on the robot itself by iterative learning control. A
+//! robot that follows simulated joints makes nearly the same motion in every run of a song, so what
+//! a joint missed in one run is added to its set-points in the next, earlier by the joint's lag.
 //!
-//! Method: S. Arimoto, S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", Journal of Robotic Systems 1(2), 1984. Low-pass
-//! without phase: D. A. Bristow, M. Tharayil, A. G. Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006.
+//! Method: S. Arimoto, S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning",
+//! Journal of Robotic Systems 1(2), 1984. Low-pass without phase: D. A. Bristow, M. Tharayil, A. G.
+//! Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006.
 
 use etude_robot::rig::SETPOINT_HZ;
 use etude_stage::hand::JOINTS_PER_FINGER;
@@ -12,7 +14,8 @@ use serde::{Deserialize, Serialize};
 use crate::shaping::Waypoints;
 use crate::stats::{deviation, sorted};
 
-/// How the joints were asked to move in a performance and how they moved, at the end of each physics step: rad, the rail in m.
+/// How the joints were asked to move in a performance and how they moved, at the end of each
+/// physics step: rad, the rail in m.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tracking {
     /// Set-points, without a correction.
@@ -21,7 +24,8 @@ pub struct Tracking {
     pub measured: Vec<[f64; DRIVEN_JOINTS]>,
 }
 
-/// What is added to the set-points of a song, at the end of each physics step: rad, the rail in m. Nothing after its last one.
+/// What is added to the set-points of a song, at the end of each physics step: rad, the rail in m.
+/// Nothing after its last one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Correction {
@@ -37,24 +41,30 @@ pub struct Delays {
     pub lag_secs: [f64; DRIVEN_JOINTS],
 }
 
-/// The share of what a joint missed that is added after each run. With all of it, the noise of one run would be played in the next.
+/// The share of what a joint missed that is added after each run. With all of it, the noise of one
+/// run would be played in the next.
 const GAIN: f64 = 0.5;
-/// The share of the offsets that is kept after each run. A finger that is stopped by a key or a fence does not push harder from run to run.
-const KEPT: f64 = 0.9;
-/// The largest offset of a joint that bends a finger, of one that turns it aside, rad, and of the rail, m. A finger that turns aside has
-/// the least range, and where it is that far from its set-point the monitor of the robot stops it (a quarter of the range).
-const MOST_BENT: f64 = 0.4;
-const MOST_ASIDE: f64 = 0.1;
-const MOST_RAIL: f64 = 0.02;
-/// Corner of the low-pass over what is added for a finger joint and for the rail, Hz. A stroke of a finger has higher frequencies than a
-/// motion of the rail; an arm that rings at 4 to 6 Hz swings more in each run if the rail's is 8 Hz.
+/// The share of the offsets that is kept after each run. A finger that is stopped by a key or a
+/// fence does not push harder from run to run.
+const RETENTION: f64 = 0.9;
+/// The largest offset of a joint that bends a finger, of one that turns it aside, rad, and of the
+/// rail, m. A finger that turns aside has the least range, and where it is that far from its
+/// set-point the monitor of the robot stops it (a quarter of the range).
+const MAX_BEND_RAD: f64 = 0.4;
+const MAX_ASIDE_RAD: f64 = 0.1;
+const MAX_RAIL_M: f64 = 0.02;
+/// Corner of the low-pass over what is added for a finger joint and for the rail, Hz. A stroke of a
+/// finger has higher frequencies than a motion of the rail; an arm that rings at 4 to 6 Hz swings
+/// more in each run if the rail's is 8 Hz.
 const CORNER_HZ: [f64; 2] = [8.0, 4.0];
-/// Time in which the correction grows to its full size, s: a robot begins in the pose in which the song begins.
+/// Time in which the correction grows to its full size, s: a robot begins in the pose in which the
+/// song begins.
 const RAMP_SECS: f64 = 0.5;
-/// A joint whose set-points vary less than this, rad and m (standard deviation), has no lag that could be measured.
+/// A joint whose set-points vary less than this, rad and m (standard deviation), has no lag that
+/// could be measured.
 const STILL: [f64; 2] = [0.005, 0.001];
-/// The longest lag that is looked for, s.
-const LONGEST_LAG_SECS: f64 = 0.3;
+/// The longest lag that is searched, s.
+const MAX_LAG_SECS: f64 = 0.3;
 /// Offsets are rounded to this, rad and m: less than an encoder resolves.
 const RESOLUTION: f64 = 1e-6;
 
@@ -66,24 +76,27 @@ impl Tracking {
         self
     }
 
-    /// What a joint missed if it should be late by `late_secs`: root mean square, rad, the rail in m.
+    /// What a joint missed if it should be late by `late_secs`: root mean square, rad, the rail in
+    /// m.
     pub fn error(&self, joint: usize, late_secs: f64) -> f64 {
         let (mean, variance) = self.missed(joint, ticks(late_secs));
         (variance + mean * mean).sqrt()
     }
 
-    /// How late a joint follows its set-points, s: where it misses them by the most constant distance. None for one that hardly moves.
+    /// How late a joint follows its set-points, s: where it misses them by the most constant
+    /// distance. None for one that hardly moves.
     pub fn lag_secs(&self, joint: usize) -> Option<f64> {
         let asked: Vec<f64> = self.asked.iter().map(|asked| asked[joint]).collect();
         if deviation(&asked) < STILL[usize::from(joint == RAIL)] {
             return None;
         }
         let spread = |late: usize| self.missed(joint, late).1;
-        let best = (0..=ticks(LONGEST_LAG_SECS)).min_by(|a, b| spread(*a).total_cmp(&spread(*b)));
+        let best = (0..=ticks(MAX_LAG_SECS)).min_by(|a, b| spread(*a).total_cmp(&spread(*b)));
         best.map(|late| late as f64 / SETPOINT_HZ)
     }
 
-    /// How late the joints follow their set-points. They should all be as late as the finger joints in the median.
+    /// How late the joints follow their set-points. They should all be as late as the finger joints
+    /// in the median.
     pub fn delays(&self) -> Delays {
         let lags: [Option<f64>; DRIVEN_JOINTS] = std::array::from_fn(|joint| self.lag_secs(joint));
         let fingers = sorted(lags[..RAIL].iter().flatten().copied());
@@ -145,13 +158,14 @@ impl Correction {
         self.offsets.iter().all(|offsets| *offsets == [0.0; DRIVEN_JOINTS])
     }
 
-    /// Adds the offsets of control step `step` to its set-points, within the ranges of the joints. The limiter of the robot follows.
+    /// Adds the offsets of control step `step` to its set-points, within the ranges of the joints.
+    /// The limiter of the robot follows.
     pub(crate) fn add(&self, step: usize, waypoints: &mut Waypoints) {
         let offsets = self.offsets.get(step * PHYSICS_STEPS..).unwrap_or_default();
         for (waypoint, offsets) in waypoints.iter_mut().zip(offsets) {
             for (joint, offset) in offsets.iter().enumerate() {
                 // A file may hold anything.
-                let offset = offset.clamp(-most(joint), most(joint));
+                let offset = offset.clamp(-max_offset(joint), max_offset(joint));
                 let [low, high] = joint_range(joint);
                 waypoint[joint] = (waypoint[joint] + offset).clamp(low, high);
             }
@@ -170,13 +184,13 @@ impl Correction {
             };
             let mut added: Vec<f64> = (0..length).map(|tick| GAIN * missed(tick)).collect();
             low_pass(&mut added, CORNER_HZ[usize::from(joint == RAIL)]);
-            let (most, [low, high]) = (most(joint), joint_range(joint));
+            let (max, [low, high]) = (max_offset(joint), joint_range(joint));
             for (tick, added) in added.into_iter().enumerate() {
                 let before = self.offsets.get(tick).map_or(0.0, |offsets| offsets[joint]);
                 let asked = run.asked[tick][joint];
                 // Nothing is learned beyond the range of the joint: it would have to be unlearned.
-                let within = (asked + KEPT * before + grown(tick) * added).clamp(low, high) - asked;
-                let offset = within.clamp(-most, most);
+                let within = (asked + RETENTION * before + grown(tick) * added).clamp(low, high) - asked;
+                let offset = within.clamp(-max, max);
                 offsets[tick][joint] = (offset / RESOLUTION).round() * RESOLUTION;
             }
         }
@@ -185,11 +199,11 @@ impl Correction {
 }
 
 /// The largest offset of a joint, rad, of the rail m.
-fn most(joint: usize) -> f64 {
+fn max_offset(joint: usize) -> f64 {
     match joint {
-        RAIL => MOST_RAIL,
-        finger if finger % JOINTS_PER_FINGER == 0 => MOST_ASIDE,
-        _ => MOST_BENT,
+        RAIL => MAX_RAIL_M,
+        finger if finger % JOINTS_PER_FINGER == 0 => MAX_ASIDE_RAD,
+        _ => MAX_BEND_RAD,
     }
 }
 
@@ -294,7 +308,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever was measured, offsets are bounded and set-points stay in the ranges of the joints.
+        /// Whatever was measured, offsets are bounded and set-points stay in the ranges of the
+        /// joints.
         #[test]
         fn set_points_stay_in_the_ranges_of_the_joints(
             places in prop::collection::vec(prop::array::uniform13(-3.0..3.0f64), PHYSICS_STEPS),
@@ -313,7 +328,7 @@ mod tests {
                 for joint in 0..DRIVEN_JOINTS {
                     let [low, high] = joint_range(joint);
                     prop_assert!((low..=high).contains(&waypoint[joint]));
-                    prop_assert!(offsets[joint].abs() <= most(joint));
+                    prop_assert!(offsets[joint].abs() <= max_offset(joint));
                 }
             }
         }

@@ -1,9 +1,9 @@
-//! Why a performance fails.
+//! Why a performance or its recording fails.
+
+use std::path::PathBuf;
 
 use etude_robot::Refused;
 use etude_task::TaskError;
-
-use crate::recording::RecordingError;
 
 /// A performance failed.
 #[derive(Debug, thiserror::Error)]
@@ -23,4 +23,33 @@ pub enum PerformError {
     /// The recording could not be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+}
+
+/// A recording could not be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The file cannot be created, opened or read.
+    #[error("cannot open the recording {path}: {source}; check the path and its permissions")]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// Writing failed, for example because the disk is full.
+    #[error("cannot write the recording {path}: {message}; what was written until then can be read")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        message: String,
+    },
+    /// The file is no recording of ours.
+    #[error("{path} is not a recording of Étude: {message}")]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        message: String,
+    },
 }

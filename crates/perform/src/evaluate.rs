@@ -1,4 +1,5 @@
-//! Evaluation during a training: the whole song, or each held-out piece of a corpus, in the nominal world, without exploration.
+//! Evaluation during a training: the whole song, or each held-out piece of a corpus, in the nominal
+//! world, without exploration.
 
 use std::sync::atomic::AtomicBool;
 
@@ -8,7 +9,8 @@ use etude_task::{ACTION_LEN, Corpus, Piece, TaskConfig, TaskError};
 
 use crate::{Performance, SimRig, perform};
 
-/// Names of the scores of [`SongEvaluator`]. `overall` is the mean of the paper's F1 and the F1 of the notes' onsets.
+/// Names of the scores of [`SongEvaluator`]. `overall` is the mean of the paper's F1 and the F1 of
+/// the notes' onsets.
 pub const SCORES: [&str; 12] = [
     "f1",
     "precision",
@@ -29,8 +31,8 @@ pub const LEARNED_F1: &str = "training_f1";
 /// The scores that are also taken on learned pieces: their names there, and elsewhere.
 const OF_LEARNED: [(&str, &str); 2] = [(LEARNED_F1, "f1"), ("training_onset_f1", "onset_f1")];
 
-/// Plays the song once for each evaluation, always in the nominal world, and scores it. Of several pieces the scores are the means,
-/// and the counts of notes the sums.
+/// Plays the song once for each evaluation, always in the nominal world, and scores it. Of several
+/// pieces the scores are the means, and the counts of notes the sums.
 pub struct SongEvaluator {
     pieces: Vec<(SimRig, Piece)>,
     learned: Vec<(SimRig, Piece)>,
@@ -46,7 +48,8 @@ impl SongEvaluator {
         Self::of_pieces(task, std::slice::from_ref(piece), &[])
     }
 
-    /// An evaluator that plays the validation pieces of a corpus and, of a folder, some of the learned ones.
+    /// An evaluator that plays the validation pieces of a corpus and, of a folder, some of the
+    /// learned ones.
     ///
     /// # Errors
     /// If the configuration is not sound.

@@ -1,7 +1,8 @@
-//! Motions that show what a robot's joints do: the sequences that a simulator is fitted to (paper, "Sim2Real2Sim").
+//! Motions that show what a robot's joints do: the sequences that a simulator is fitted to (paper,
+//! "Sim2Real2Sim").
 //!
-//! All of them but [`Keys`](Excitation::Keys) stay clear of the keys. A sequence has one joint target a control step; the robot's rig
-//! shapes them as it shapes a policy's targets.
+//! All of them but [`Keys`](Excitation::Keys) stay clear of the keys. A sequence has one joint
+//! target a control step; the robot's rig shapes them as it shapes a policy's targets.
 
 use std::f64::consts::TAU;
 
@@ -26,14 +27,16 @@ pub enum Excitation {
     OpenClose,
     /// Every finger joint swings with rising frequency; the sweeps differ from joint to joint.
     Chirp,
-    /// The hand moves along the rail: steps of one key to an octave, then swings with rising frequency.
+    /// The hand moves along the rail: steps of one key to an octave, then swings with rising
+    /// frequency.
     Rail,
-    /// One finger after the other presses white keys, slowly and to the bottom, and lets them rise as slowly: a key is then where the
-    /// encoders say when it begins to sound and when it is silent again. It presses beside the gaps to both neighbours, where
-    /// one key gives way to the other, and pushes against the front of a black key.
+    /// One finger after the other presses white keys, slowly and to the bottom, and lets them rise
+    /// as slowly: a key is then where the encoders say when it begins to sound and when it is
+    /// silent again. It presses beside the gaps to both neighbours, where one key gives way to the
+    /// other, and pushes against the front of a black key.
     Keys,
-    /// All joints and the rail at the same time: sums of sines with random phases, and random steps in between. It differs from
-    /// the other sequences, so that a fit can be tested on it.
+    /// All joints and the rail at the same time: sums of sines with random phases, and random steps
+    /// in between. It differs from the other sequences, so that a fit can be tested on it.
     #[serde(rename = "held-out")]
     Held,
 }
@@ -46,7 +49,8 @@ const CLOSED: [f64; JOINTS_PER_FINGER] = [0.0, -0.05, 0.6, 0.75];
 const OPEN: [f64; JOINTS_PER_FINGER] = [0.0, -0.1, -0.05, -0.1];
 /// How far each joint of a finger swings about [`REST`], rad.
 const SWING: [f64; JOINTS_PER_FINGER] = [0.3, 0.13, 0.19, 0.27];
-/// Lowest and highest frequency of a sweep of the fingers, Hz. Targets at 20 Hz still describe a swing of the highest.
+/// Lowest and highest frequency of a sweep of the fingers, Hz. Targets at 20 Hz still describe a
+/// swing of the highest.
 const SWEEP_HZ: [f64; 2] = [0.2, 5.0];
 /// The same of the rail, whose reach falls with the square of the frequency.
 const RAIL_SWEEP_HZ: [f64; 2] = [0.2, 2.5];
@@ -54,8 +58,8 @@ const RAIL_SWEEP_HZ: [f64; 2] = [0.2, 2.5];
 const RAIL_SWING: f64 = 5.0;
 /// Farthest that the rail swings, m.
 const RAIL_REACH: f64 = 0.12;
-/// Heights of a fingertip over the top of a white key between which a slow press moves the target, m. It ends below the key's travel of
-/// 10 mm, since a finger yields.
+/// Heights of a fingertip over the top of a white key between which a slow press moves the target,
+/// m. It ends below the key's travel of 10 mm, since a finger yields.
 const PRESS_M: [f64; 2] = [0.006, -0.012];
 /// Height of a fingertip over a white key that is clear of black keys, m.
 const CLEAR_M: f64 = BLACK.top() - WHITE.top() + 0.012;
@@ -65,17 +69,21 @@ const COME_SECS: f64 = 0.4;
 const PRESS_X_M: f64 = 0.028;
 /// Time in which a finger presses a key, and in which it lets it rise, s.
 const PRESS_SECS: f64 = 1.5;
-/// Places beside the gap to the next lower white key that are pressed, from the one most to the left to the one most to the right, m, and how
-/// far apart they are; beside the gap to the next higher key those between. The farthest is for a keyboard and an encoder that are some
+/// Places beside the gap to the next lower white key that are pressed, from the one most to the
+/// left to the one most to the right, m, and how far apart they are; beside the gap to the next
+/// higher key those between. The farthest is for a keyboard and an encoder that are some
 /// millimetres off.
 const BESIDE_M: f64 = 0.007;
 const BESIDE_EVERY_M: f64 = 0.002;
-/// Where along the keys that is, m toward the player from their middle: clear of the black keys, beside which the finger moves.
+/// Where along the keys that is, m toward the player from their middle: clear of the black keys,
+/// beside which the finger moves.
 const BESIDE_X_M: f64 = 0.033;
-/// Times in which a finger goes to such a place, waits there, presses, holds the key down, and rises, s.
+/// Times in which a finger goes to such a place, waits there, presses, holds the key down, and
+/// rises, s.
 const BESIDE_SECS: [f64; 5] = [0.15, 0.2, 0.35, 0.2, 0.3];
-/// Where the middle of a fingertip begins to push against the front of a black key, and where its target ends, m; and its height over the
-/// tops of the white keys meanwhile, m. It meets the key after half of the way: the rest is for a keyboard that is some millimetres off.
+/// Where the middle of a fingertip begins to push against the front of a black key, and where its
+/// target ends, m; and its height over the tops of the white keys meanwhile, m. It meets the key
+/// after half of the way: the rest is for a keyboard that is some millimetres off.
 const PUSH_X_M: [f64; 2] = [0.034, 0.015];
 const PUSH_M: f64 = 0.001;
 /// Times in which it comes down before the key, pushes, rests there, and comes back, s.
@@ -191,8 +199,8 @@ fn blend(
     std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
 }
 
-/// Opens and closes in turns: in one step and held, then by ramps, then finger by finger. The first joints of the fingers swing at
-/// the same time.
+/// Opens and closes in turns: in one step and held, then by ramps, then finger by finger. The first
+/// joints of the fingers swing at the same time.
 fn open_close() -> Vec<[f64; DRIVEN_JOINTS]> {
     let mut targets = Vec::new();
     let mut hold = |fingers: [[f64; JOINTS_PER_FINGER]; FINGERS], secs: f64| {
@@ -223,7 +231,8 @@ fn open_close() -> Vec<[f64; DRIVEN_JOINTS]> {
     targets
 }
 
-/// Every finger joint sweeps. Neighbours differ in highest frequency and direction, so that no two move alike.
+/// Every finger joint sweeps. Neighbours differ in highest frequency and direction, so that no two
+/// move alike.
 fn chirp() -> Vec<[f64; DRIVEN_JOINTS]> {
     const SECS: f64 = 24.0;
     let count = steps(SECS);
@@ -264,7 +273,8 @@ fn rail() -> Vec<[f64; DRIVEN_JOINTS]> {
     targets
 }
 
-/// Presses one white key after the other, three with each finger, and beside the gaps of the first; and pushes against a black key beside each.
+/// Presses one white key after the other, three with each finger, and beside the gaps of the first;
+/// and pushes against a black key beside each.
 fn keys(side: Side) -> Vec<[f64; DRIVEN_JOINTS]> {
     let mut targets = vec![pose(&[REST; FINGERS], 0.0); steps(0.5)];
     let mut hold = |finger: usize, angles: [f64; JOINTS_PER_FINGER], rail: f64, secs: f64| {
@@ -344,7 +354,8 @@ fn keys(side: Side) -> Vec<[f64; DRIVEN_JOINTS]> {
     targets
 }
 
-/// Where the black key is that is next to the white key at `over`, m: the higher one of two. Every white key has one.
+/// Where the black key is that is next to the white key at `over`, m: the higher one of two. Every
+/// white key has one.
 fn black_beside(over: f64) -> Option<f64> {
     let mut blacks = (0..KEY_COUNT).rev().filter(|key| key_is_black(*key)).map(key_lateral);
     blacks.find(|y| (y - over).abs() < WHITE_PITCH)
@@ -359,7 +370,8 @@ fn beside_gaps() -> Vec<f64> {
     lower.chain((0..count).map(|step| place(step as f64 + 0.5) + half)).collect()
 }
 
-/// Sums of sines at four frequencies, and every two seconds a step of all joints that is held for half a second.
+/// Sums of sines at four frequencies, and every two seconds a step of all joints that is held for
+/// half a second.
 fn held_out() -> Vec<[f64; DRIVEN_JOINTS]> {
     const SECS: f64 = 16.0;
     const HZ: [f64; 4] = [0.37, 0.83, 1.71, 3.1];

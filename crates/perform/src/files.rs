@@ -1,5 +1,5 @@
-//! Small files beside a performance. Each is written under another name first and then renamed, so that a full disk or
-//! an interruption never replaces a complete file by half of one.
+//! Small files beside a performance. Each is written under another name first and then renamed, so
+//! that a full disk or an interruption never replaces a complete file by half of one.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -17,7 +17,8 @@ pub struct FileError {
     source: std::io::Error,
 }
 
-/// Writes `content` to `path`. A device or a pipe is written to, and any other file is replaced by a complete one.
+/// Writes `content` to `path`. A device or a pipe is written to, and any other file is replaced by
+/// a complete one.
 ///
 /// # Errors
 /// If the folder is missing or not writable, or the disk is full.
@@ -33,8 +34,8 @@ pub fn write_file(path: &Path, content: &(impl AsRef<[u8]> + ?Sized)) -> Result<
     write().map_err(|source| FileError { path: path.to_path_buf(), source })
 }
 
-/// Writes one line a control step: `step`, then the MIDI numbers of the keys due and, if given, of those pressed,
-/// separated by spaces, so that anyone can compute the scores again.
+/// Writes one line a control step: `step`, then the MIDI numbers of the keys due and, if given, of
+/// those pressed, separated by spaces, so that anyone can compute the scores again.
 ///
 /// # Errors
 /// As [`write_file`].

@@ -1,5 +1,6 @@
-//! Where a robot's fingers aim at their keys, learned from the keys themselves. Where the keyboard stands otherwise than in the simulation,
-//! a finger that follows its path exactly strikes late and lets go early, strikes the key beside it, or stands on a fence.
+//! Corrections of a robot's fingertip targets over the keys, learned from the keys themselves.
+//! Where the keyboard is not where it is in the simulation, a finger that follows its path exactly
+//! strikes late and lifts early, strikes the key beside it, or comes down on a fence.
 //! [`Correction`] brings the joints to their path, and this moves the path.
 
 use etude_music::{LOWEST_PITCH, Note};
@@ -11,14 +12,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::correction::{Correction, grown, ticks};
 
-/// Where the finger of each planned note aims, in the order of the notes.
+/// The correction for each planned note, in the order of the notes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct KeyCorrections(Vec<Aim>);
+pub struct KeyCorrections(Vec<KeyCorrection>);
 
-/// Where a finger aims for a note: the distance from its path in the simulation, m.
+/// How far the path of a fingertip is moved for a note, m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Aim {
+struct KeyCorrection {
     /// To the side of the higher keys; negative is to that of the lower keys.
     aside: f64,
     /// Downward; negative is upward.
@@ -36,74 +37,80 @@ pub struct PlayedNotes {
     pub end_secs: f64,
 }
 
-/// How much deeper a finger aims for each second by which its note was shorter than planned, m/s: a quarter of the speed of a
-/// stroke, since a finger that is not deep enough begins the note late and ends it early.
-const DEEPER_PER_SECOND: f64 = 0.05;
-/// The most by which a finger aims deeper or less deep after a run, and the amount for a note that was not played, m.
-const DEEPER: f64 = 0.002;
-/// The most by which it aims further aside after a run, and the amount after a stroke of a key beside its own, m.
-const ASIDE: f64 = 0.001;
-/// The largest aim, aside and deeper, m.
-const MOST: [f64; 2] = [0.004, 0.005];
+/// How much deeper a path is moved for each second by which its note was shorter than planned, m/s:
+/// a quarter of the speed of a stroke, since a finger that is not deep enough begins the note late
+/// and ends it early.
+const DEEPER_M_PER_SEC: f64 = 0.05;
+/// Largest change of the depth after one run, and the change for a note that was not played, m.
+const DEEPER_M: f64 = 0.002;
+/// Change to the side after a stroke of a key beside its own, m.
+const ASIDE_M: f64 = 0.001;
+/// The largest correction, to the side and downward, m.
+const MAX_CORRECTION: [f64; 2] = [0.004, 0.005];
 /// A stroke this long before or after its time is not a stroke of the note, s.
 const SAME_NOTE_SECS: f64 = 0.15;
-/// Time in which a finger moves to its aim before a note, and returns after it, s.
+/// Time in which a correction grows before a note, and dies away after it, s.
 const RAMP_SECS: f64 = 0.1;
-/// A tip that moves less than this for each radian by which its finger turns, m, is moved by less than the aim: the angle would be too large.
-const LEAST_SLOPE: f64 = 0.02;
+/// A tip that moves less than this for each radian by which its finger turns, m, is moved by less
+/// than the correction: the angle would be too large.
+const MIN_SLOPE: f64 = 0.02;
 /// Angle by which a joint is turned to find how far that moves the fingertip, rad.
-const TURN: f64 = 1e-4;
+const TURN_RAD: f64 = 1e-4;
 
 impl KeyCorrections {
-    /// The aims for the next run, after one with these. It should have played its notes `late_secs` later than planned. If fewer than half of
-    /// them sounded, the aims stay: then something else is wrong than where the fingers aim.
+    /// The corrections for the next run, after one with these. It should have played its notes
+    /// `late_secs` later than planned. If fewer than half of them sounded, the corrections stay:
+    /// then something else is wrong than the paths.
     #[must_use]
     pub fn after(&self, strokes: &PlayedNotes, late_secs: f64) -> Self {
-        let heard = Heard { strokes, late_secs };
-        let matched: Vec<Option<&Note>> = strokes.planned.iter().map(|note| heard.stroke_of(note)).collect();
+        let timed = TimedNotes { strokes, late_secs };
+        let matched: Vec<Option<&Note>> = strokes.planned.iter().map(|note| timed.stroke_of(note)).collect();
         if 2 * matched.iter().flatten().count() < strokes.planned.len() {
             return self.clone();
         }
-        let mut next: Vec<Aim> = (strokes.planned.iter().zip(&matched).enumerate())
+        let mut next: Vec<KeyCorrection> = (strokes.planned.iter().zip(&matched).enumerate())
             .map(|(index, (note, stroke))| {
                 let before = self.0.get(index).copied().unwrap_or_default();
                 let deeper = match stroke {
-                    Some(stroke) => DEEPER_PER_SECOND * heard.shorter_secs(note, stroke),
+                    Some(stroke) => DEEPER_M_PER_SEC * timed.shorter_secs(note, stroke),
                     // Its key did not come up before.
-                    None if heard.is_held_before(note) => -DEEPER,
-                    None => DEEPER,
+                    None if timed.is_held_before(note) => -DEEPER_M,
+                    None => DEEPER_M,
                 };
-                let deeper = (before.deeper + deeper.clamp(-DEEPER, DEEPER)).clamp(-MOST[1], MOST[1]);
-                Aim { deeper, ..before }
+                let deeper = (before.deeper + deeper.clamp(-DEEPER_M, DEEPER_M))
+                    .clamp(-MAX_CORRECTION[1], MAX_CORRECTION[1]);
+                KeyCorrection { deeper, ..before }
             })
             .collect();
         for wrong in &strokes.played {
             // Of the notes beside which it may be, one that did not sound, and then the nearest.
             let beside = (strokes.planned.iter().zip(&matched).enumerate())
-                .filter(|(_, (note, _))| heard.is_beside(note, wrong))
+                .filter(|(_, (note, _))| timed.is_beside(note, wrong))
                 .min_by(|(_, (a, played_a)), (_, (b, played_b))| {
-                    let distances = heard.distance(a, wrong).total_cmp(&heard.distance(b, wrong));
+                    let distances = timed.distance(a, wrong).total_cmp(&timed.distance(b, wrong));
                     played_a.is_some().cmp(&played_b.is_some()).then(distances)
                 });
             if let Some((index, (note, _))) = beside
                 && !strokes
                     .planned
                     .iter()
-                    .any(|other| heard.is_near(other, wrong) && other.pitch == wrong.pitch)
+                    .any(|other| timed.is_near(other, wrong) && other.pitch == wrong.pitch)
             {
                 let away = (f64::from(note.pitch) - f64::from(wrong.pitch)).signum();
-                next[index].aside = (next[index].aside + ASIDE * away).clamp(-MOST[0], MOST[0]);
+                next[index].aside =
+                    (next[index].aside + ASIDE_M * away).clamp(-MAX_CORRECTION[0], MAX_CORRECTION[0]);
             }
         }
         Self(next)
     }
 
-    /// What the aims add to the set-points `asked` of the planned notes (at the end of each physics step: rad, the rail in m). For a note
-    /// over whose key there is no finger, nothing.
+    /// What the corrections add to the set-points `asked` of the planned notes (at the end of each
+    /// physics step: rad, the rail in m). For a note over whose key there is no finger, nothing.
     pub fn offsets(&self, asked: &[[f64; DRIVEN_JOINTS]], planned: &[Note], side: Side) -> Correction {
-        // For each physics step and finger: the sum of the weights, and of the weighted aims.
-        let mut sums = vec![[(0.0, Aim::default()); FINGERS]; asked.len()];
-        for (note, aim) in planned.iter().zip(&self.0) {
+        // For each physics step and finger: the sum of the weights, and of the weighted
+        // corrections.
+        let mut sums = vec![[(0.0, KeyCorrection::default()); FINGERS]; asked.len()];
+        for (note, correction) in planned.iter().zip(&self.0) {
             let Some(finger) = pressing(asked, note, side) else { continue };
             let [first, last, ramp] = [note.start_secs, note.end_secs, RAMP_SECS].map(ticks);
             let around = first.saturating_sub(ramp)..(last + ramp).min(asked.len());
@@ -112,8 +119,8 @@ impl KeyCorrections {
                 let weight = 1.0 - outside as f64 / ramp as f64;
                 let (weights, sum) = &mut sums[finger];
                 *weights += weight;
-                sum.aside += weight * aim.aside;
-                sum.deeper += weight * aim.deeper;
+                sum.aside += weight * correction.aside;
+                sum.deeper += weight * correction.deeper;
             }
         }
         let offsets = asked.iter().zip(sums).enumerate().map(|(tick, (pose, sums))| {
@@ -122,8 +129,10 @@ impl KeyCorrections {
                 sums.into_iter().enumerate().filter(|(_, (weights, _))| *weights > 0.0)
             {
                 let weights = f64::max(weights, 1.0);
-                let aim = Aim { aside: sum.aside / weights, deeper: sum.deeper / weights };
-                for (joint, turn) in (finger * JOINTS_PER_FINGER..).zip(turned(pose, finger, side, aim)) {
+                let correction = KeyCorrection { aside: sum.aside / weights, deeper: sum.deeper / weights };
+                for (joint, turn) in
+                    (finger * JOINTS_PER_FINGER..).zip(turned(pose, finger, side, correction))
+                {
                     let [low, high] = joint_range(joint);
                     offsets[joint] = (pose[joint] + grown(tick) * turn).clamp(low, high) - pose[joint];
                 }
@@ -135,12 +144,12 @@ impl KeyCorrections {
 }
 
 /// The notes of a run, and how much later than planned they should be.
-struct Heard<'a> {
+struct TimedNotes<'a> {
     strokes: &'a PlayedNotes,
     late_secs: f64,
 }
 
-impl<'a> Heard<'a> {
+impl<'a> TimedNotes<'a> {
     /// How far a stroke is from the time of a note, s.
     fn distance(&self, note: &Note, stroke: &Note) -> f64 {
         (note.start_secs + self.late_secs - stroke.start_secs).abs()
@@ -154,7 +163,8 @@ impl<'a> Heard<'a> {
         self.is_near(note, stroke) && (1..=2).contains(&stroke.pitch.abs_diff(note.pitch))
     }
 
-    /// The stroke that plays this note: of those of its key the nearest, if it is near and no other note is nearer to it.
+    /// The stroke that plays this note: of those of its key the nearest, if it is near and no other
+    /// note is nearer to it.
     fn stroke_of(&self, note: &Note) -> Option<&'a Note> {
         let of_its_key = self.strokes.played.iter().filter(|stroke| stroke.pitch == note.pitch);
         let stroke = of_its_key
@@ -164,7 +174,8 @@ impl<'a> Heard<'a> {
         others.all(|other| self.distance(other, stroke) >= self.distance(note, stroke)).then_some(stroke)
     }
 
-    /// By how much a stroke was shorter than its note, s. What is planned after the end of the performance does not count.
+    /// By how much a stroke was shorter than its note, s. What is planned after the end of the
+    /// performance does not count.
     fn shorter_secs(&self, note: &Note, stroke: &Note) -> f64 {
         let end_secs = (note.end_secs + self.late_secs).min(self.strokes.end_secs);
         end_secs - self.late_secs - note.start_secs - stroke.duration_secs()
@@ -190,22 +201,28 @@ fn pressing(asked: &[[f64; DRIVEN_JOINTS]], note: &Note, side: Side) -> Option<u
         .map(|(finger, _)| finger)
 }
 
-/// How far the joints of a finger turn to move its tip to this aim: the first aside, the others down with the least motion.
-fn turned(pose: &[f64; DRIVEN_JOINTS], finger: usize, side: Side, aim: Aim) -> [f64; JOINTS_PER_FINGER] {
+/// How far the joints of a finger turn to move its tip to this correction: the first aside, the
+/// others down with the least motion.
+fn turned(
+    pose: &[f64; DRIVEN_JOINTS],
+    finger: usize,
+    side: Side,
+    correction: KeyCorrection,
+) -> [f64; JOINTS_PER_FINGER] {
     let tip = |angles: &[f64; JOINTS_PER_FINGER]| fingertip(side, finger, angles, pose[RAIL]);
     let here = angles(pose, finger);
     // How far the tip goes for each radian by which a joint turns, along `axis`.
     let slope = |joint: usize, axis: usize| {
         let mut turned = here;
-        turned[joint] += TURN;
-        (tip(&turned)[axis] - tip(&here)[axis]) / TURN
+        turned[joint] += TURN_RAD;
+        (tip(&turned)[axis] - tip(&here)[axis]) / TURN_RAD
     };
     let lowers: [f64; JOINTS_PER_FINGER] =
         std::array::from_fn(|joint| if joint == 0 { 0.0 } else { -slope(joint, 2) });
     let squares: f64 = lowers.iter().map(|lowers| lowers * lowers).sum();
-    let mut turns = lowers.map(|lowers| aim.deeper * lowers / squares.max(LEAST_SLOPE.powi(2)));
+    let mut turns = lowers.map(|lowers| correction.deeper * lowers / squares.max(MIN_SLOPE.powi(2)));
     // A finger that turns toward the palm's +y goes to the lower keys.
-    turns[0] = aim.aside / slope(0, 1).min(-LEAST_SLOPE);
+    turns[0] = correction.aside / slope(0, 1).min(-MIN_SLOPE);
     turns
 }
 
@@ -230,8 +247,8 @@ mod tests {
     const LIFTED: f64 = 0.012;
     const SOUNDS: f64 = -0.004;
 
-    fn deeper(aims: &KeyCorrections) -> Vec<f64> {
-        aims.0.iter().map(|aim| aim.deeper).collect()
+    fn deeper(corrections: &KeyCorrections) -> Vec<f64> {
+        corrections.0.iter().map(|correction| correction.deeper).collect()
     }
 
     fn strokes(planned: &[Note], played: &[Note]) -> PlayedNotes {
@@ -289,19 +306,23 @@ mod tests {
     fn a_keyboard_that_is_lower_or_higher_is_played_as_long_as_planned() {
         let (asked, planned) = (path(), planned());
         for (lower, silent) in [(0.003, false), (0.006, true), (-0.003, false)] {
-            let mut aims = KeyCorrections::default();
+            let mut corrections = KeyCorrections::default();
             let first = play(&asked, &Correction::default(), lower);
             assert_eq!(first.is_empty(), silent, "{lower}");
             for _ in 0..15 {
-                let mut played = play(&asked, &aims.offsets(&asked, &planned, SIDE), lower);
+                let mut played = play(&asked, &corrections.offsets(&asked, &planned, SIDE), lower);
                 // Another finger plays another note.
                 let other = note(planned[0].pitch + 10, 0.5, 1.0);
                 played.push(other);
-                aims = aims.after(&strokes(&[planned[0], other], &played), 0.0);
+                corrections = corrections.after(&strokes(&[planned[0], other], &played), 0.0);
             }
-            let last = play(&asked, &aims.offsets(&asked, &planned, SIDE), lower);
+            let last = play(&asked, &corrections.offsets(&asked, &planned, SIDE), lower);
             assert_eq!(last.len(), 1);
-            assert!((last[0].duration_secs() - 0.5).abs() < 0.02, "{lower}: {:?} after {aims:?}", last[0]);
+            assert!(
+                (last[0].duration_secs() - 0.5).abs() < 0.02,
+                "{lower}: {:?} after {corrections:?}",
+                last[0]
+            );
         }
     }
 
@@ -317,7 +338,7 @@ mod tests {
                 .after(&strokes(&planned, &played), 0.1)
                 .offsets(&asked, &planned, SIDE);
             let moved = tips(&asked, &offsets)[150][1] - before[150][1];
-            assert!((moved - toward * ASIDE).abs() < 0.2 * ASIDE, "{wrong}: {moved}");
+            assert!((moved - toward * ASIDE_M).abs() < 0.2 * ASIDE_M, "{wrong}: {moved}");
             let others = |joint: &usize| joint / JOINTS_PER_FINGER != FINGER;
             for offsets in offsets.offsets() {
                 assert!((0..DRIVEN_JOINTS).filter(others).all(|joint| offsets[joint] == 0.0));
@@ -327,8 +348,8 @@ mod tests {
         // A stroke that is another planned note, and one at another time, are not wrong.
         let two = [planned[0], note(planned[0].pitch + 2, 0.5, 1.0)];
         for played in [two, [planned[0], note(planned[0].pitch + 1, 0.9, 1.0)]] {
-            let aims = KeyCorrections::default().after(&strokes(&two, &played), 0.0);
-            assert!(aims.0.iter().all(|aim| aim.aside == 0.0), "{aims:?}");
+            let corrections = KeyCorrections::default().after(&strokes(&two, &played), 0.0);
+            assert!(corrections.0.iter().all(|correction| correction.aside == 0.0), "{corrections:?}");
         }
     }
 
@@ -337,12 +358,12 @@ mod tests {
         let asked = path();
         let planned = [note(LOWEST_PITCH + KEY as u8, 0.0, 1.0)];
         let played = [note(planned[0].pitch, 0.0, 0.5), note(planned[0].pitch + 1, 0.0, 0.6)];
-        let mut aims = KeyCorrections::default();
+        let mut corrections = KeyCorrections::default();
         for _ in 0..50 {
-            aims = aims.after(&strokes(&planned, &played), 0.0);
+            corrections = corrections.after(&strokes(&planned, &played), 0.0);
         }
-        assert_eq!(aims.0, [Aim { aside: -MOST[0], deeper: MOST[1] }]);
-        let offsets = aims.offsets(&asked, &planned, SIDE);
+        assert_eq!(corrections.0, [KeyCorrection { aside: -MAX_CORRECTION[0], deeper: MAX_CORRECTION[1] }]);
+        let offsets = corrections.offsets(&asked, &planned, SIDE);
         assert_eq!(offsets.offsets()[0], [0.0; DRIVEN_JOINTS]);
         assert!(offsets.offsets()[100] != [0.0; DRIVEN_JOINTS]);
     }
@@ -354,9 +375,12 @@ mod tests {
         let planned = [note(pitch, 0.5, 1.0), note(pitch + 4, 1.0, 1.5)];
         assert_eq!(KeyCorrections::default().after(&strokes(&planned, &[]), 0.1), KeyCorrections::default());
         let played = [note(pitch, 0.6, 1.1), note(pitch + 4, 1.1, 1.5)];
-        let aims = KeyCorrections::default()
+        let corrections = KeyCorrections::default()
             .after(&PlayedNotes { end_secs: 1.5, ..strokes(&planned, &played) }, 0.1);
-        assert!(aims.0.iter().all(|aim| aim.deeper.abs() < 1e-9 && aim.aside == 0.0), "{aims:?}");
+        assert!(
+            corrections.0.iter().all(|correction| correction.deeper.abs() < 1e-9 && correction.aside == 0.0),
+            "{corrections:?}"
+        );
     }
 
     #[test]
@@ -364,10 +388,10 @@ mod tests {
         let pitch = LOWEST_PITCH + KEY as u8;
         let planned = [note(pitch, 0.5, 0.9), note(pitch, 1.0, 1.4), note(pitch + 5, 1.0, 1.4)];
         let played = [note(pitch, 0.5, 1.4), note(pitch + 5, 1.0, 1.4)];
-        let aims = KeyCorrections::default().after(&strokes(&planned, &played), 0.0);
-        assert_eq!(deeper(&aims), [-DEEPER, -DEEPER, 0.0]);
-        let aims = KeyCorrections::default().after(&strokes(&planned, &[planned[0], planned[2]]), 0.0);
-        assert_eq!(deeper(&aims), [0.0, DEEPER, 0.0]);
+        let corrections = KeyCorrections::default().after(&strokes(&planned, &played), 0.0);
+        assert_eq!(deeper(&corrections), [-DEEPER_M, -DEEPER_M, 0.0]);
+        let corrections = KeyCorrections::default().after(&strokes(&planned, &[planned[0], planned[2]]), 0.0);
+        assert_eq!(deeper(&corrections), [0.0, DEEPER_M, 0.0]);
     }
 
     /// Of two notes beside which a wrong key sounded, the one that is missing was aimed wrongly.
@@ -376,7 +400,10 @@ mod tests {
         let pitch = LOWEST_PITCH + KEY as u8;
         let planned = [note(pitch, 0.5, 1.0), note(pitch + 4, 0.5, 1.0)];
         let played = [note(pitch, 0.5, 1.0), note(pitch + 2, 0.52, 1.0)];
-        let aims = KeyCorrections::default().after(&strokes(&planned, &played), 0.0);
-        assert_eq!(aims.0.iter().map(|aim| aim.aside).collect::<Vec<_>>(), [0.0, ASIDE]);
+        let corrections = KeyCorrections::default().after(&strokes(&planned, &played), 0.0);
+        assert_eq!(
+            corrections.0.iter().map(|correction| correction.aside).collect::<Vec<_>>(),
+            [0.0, ASIDE_M]
+        );
     }
 }

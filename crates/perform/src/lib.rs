@@ -1,8 +1,10 @@
-//! Performances: rigs, the one loop that plays, recordings of what a rig did, and the files beside a performance.
+//! Performances: rigs, the one loop that plays, recordings of what a rig did, and the files beside
+//! a performance.
 //!
-//! [`perform`] joins a [`Rig`] and an [`etude_task::Player`]. [`SimRig`] is the simulator, [`RobotRig`] a robot, whatever moves its
-//! devices; an execution [`Mode`] puts them together. A [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python
-//! `mcap` package and Étude itself read it.
+//! [`perform`] joins a [`Rig`] and an [`etude_task::Player`]. [`SimRig`] is the simulator,
+//! [`RobotRig`] a robot, whatever moves its devices; an execution [`Mode`] puts them together. A
+//! [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python `mcap` package and
+//! Étude itself read it.
 
 mod correction;
 mod error;
@@ -32,7 +34,7 @@ mod timing;
 mod writer;
 
 pub use correction::{Correction, Delays, Tracking};
-pub use error::PerformError;
+pub use error::{PerformError, RecordingError};
 pub use evaluate::{LEARNED_F1, NoteCounts, SCORES, SongEvaluator};
 pub use excitation::{Excitation, ExcitationPlayer};
 pub use files::{FileError, write_file, write_frames_csv};
@@ -47,7 +49,7 @@ pub use perform::perform;
 pub use performance::{Ending, Performance, PlayedStep, RobotResult, Scores, SimulationResult, gap};
 pub use prepare::{prepare, record_release};
 pub use recorder::Recorder;
-pub use recording::{Recording, RecordingError};
+pub use recording::Recording;
 pub use rig::{Rig, StepEnd};
 pub use robot_rig::RobotRig;
 pub use shaping::shaping_params;

@@ -18,7 +18,8 @@ pub trait Message: Serialize + DeserializeOwned + JsonSchema {
     const SCHEMA: &'static str;
 }
 
-/// Each kind of message: its type, its topic and the name of its schema. To add a kind: one row here.
+/// Each kind of message: its type, its topic and the name of its schema. To add a kind: one row
+/// here.
 macro_rules! messages {
     ($($message:ty => $topic:literal, $schema:literal;)*) => {
         $(impl Message for $message {
@@ -98,10 +99,11 @@ pub struct Header {
     pub due_notes: Vec<DueNote>,
     /// Times of the score's bar lines, s.
     pub bar_secs: Vec<f64>,
-    /// The resolved configuration of the run that the player comes from, as in the run's `config.toml`; without one for an excitation and
-    /// at rest.
+    /// The resolved configuration of the run that the player comes from, as in the run's
+    /// `config.toml`; without one for an excitation and at rest.
     pub run: Option<serde_json::Value>,
-    /// Whether a correction that was learned on the robot was added to the set-points of the robot. The targets are without it.
+    /// Whether a correction that was learned on the robot was added to the set-points of the robot.
+    /// The targets are without it.
     pub corrected: bool,
     /// The rig's file, resolved; none in simulation.
     #[schemars(with = "Option<serde_json::Value>")]
@@ -172,8 +174,8 @@ pub struct RewardMessage {
     pub terms: BTreeMap<String, f64>,
 }
 
-/// The joint targets that were chosen for a control step, as they were before anything shaped them: what a simulated joint's
-/// controller is given. Rad, the rail in m.
+/// The joint targets that were chosen for a control step, as they were before anything shaped them:
+/// what a simulated joint's controller is given. Rad, the rail in m.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TargetMessage {
     /// Index of the step.

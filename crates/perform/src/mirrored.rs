@@ -20,8 +20,8 @@ enum KeySource {
     Robot,
 }
 
-/// A simulation beside a robot. The observation has the joints of the simulation, and the keys of one of the
-/// two.
+/// A simulation beside a robot. The observation has the joints of the simulation, and the keys of
+/// one of the two.
 struct Mirrored<'a> {
     world: World,
     robot: RobotRig<'a>,
@@ -29,7 +29,8 @@ struct Mirrored<'a> {
 }
 
 impl Mode {
-    /// The simulation of `task` that runs beside a robot with these limits in this mode, if one does.
+    /// The simulation of `task` that runs beside a robot with these limits in this mode, if one
+    /// does.
     ///
     /// # Errors
     /// If the task's configuration is not valid.
@@ -40,8 +41,8 @@ impl Mode {
         Ok(Some(World::new(&task.stage, &slow_while_keys_are_down(task.params()?, limits))?))
     }
 
-    /// Puts the rig of this mode together: `robot` alone, or with its [`simulation`](Self::simulation) beside
-    /// it.
+    /// Puts the rig of this mode together: `robot` alone, or with its
+    /// [`simulation`](Self::simulation) beside it.
     pub fn rig<'a>(self, simulation: Option<World>, robot: RobotRig<'a>) -> Box<dyn Rig + 'a> {
         let keys = if self == Self::JointMirroring { KeySource::Simulated } else { KeySource::Robot };
         match simulation {
@@ -71,8 +72,8 @@ impl Rig for Mirrored<'_> {
         observation: &[f32],
         recorder: &mut Recorder<'_>,
     ) -> Result<StepEnd, PerformError> {
-        // The set-points are the simulated joints after each physics step. A simulated stop yields a little,
-        // where the robot's range ends.
+        // The set-points are the simulated joints after each physics step. A simulated stop yields
+        // a little, where the robot's range ends.
         let mut waypoints: Waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
         let mut unstable = false;
         let world = &mut self.world;
@@ -89,7 +90,8 @@ impl Rig for Mirrored<'_> {
             });
             unstable = outcome.unstable;
         });
-        // MuJoCo starts an unstable world over with all joints at zero, where the robot must not go.
+        // MuJoCo starts an unstable world over with all joints at zero, where the robot must not
+        // go.
         if unstable {
             return Ok(Err(Ending::Fault(UNSTABLE.to_string())));
         }

@@ -1,4 +1,5 @@
-//! The three ways in which a policy that was trained in simulation plays on a robot (paper, appendix "Execution Modes").
+//! The three ways in which a policy that was trained in simulation plays on a robot (paper,
+//! appendix "Execution Modes").
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,10 +8,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// The policy observes the simulation, and the robot follows the simulated joints. The robot's state has no influence, so
-    /// every run has the same motion.
+    /// The policy observes the simulation, and the robot follows the simulated joints. The robot's
+    /// state has no influence, so every run has the same motion.
     JointMirroring,
-    /// The policy observes the robot's keys and the simulated joints; the robot follows the simulated joints.
+    /// The policy observes the robot's keys and the simulated joints; the robot follows the
+    /// simulated joints.
     Hybrid,
     /// The policy observes the robot, and its targets go to the robot. No simulation runs.
     Real,

@@ -12,14 +12,14 @@ use crate::{Recorder, RecordingWriter};
 /// The fault of a player whose action is no number.
 const NO_ACTION: &str = "the player's action is not a finite number: check its policy";
 
-/// Plays `piece` once from its beginning. `task` is the task that `player` was trained in and `rig` was made
-/// for: it decides the columns of the observation. `writer` receives the recording, if there is one;
-/// `interrupt` ends the performance before the next control step.
+/// Plays `piece` once from its beginning. `task` is the task that `player` was trained in and `rig`
+/// was made for: it decides the columns of the observation. `writer` receives the recording, if
+/// there is one; `interrupt` ends the performance before the next control step.
 ///
 /// # Errors
-/// If a robot does not hold still in the starting pose, the piece was not planned for the task, or the
-/// recording cannot be written. A fault of a robot during the performance is not an error but an [`Ending`].
-/// Without a fault the robot still has power afterwards and holds its pose.
+/// If a robot does not hold still in the starting pose, the piece was not planned for the task, or
+/// the recording cannot be written. A fault of a robot during the performance is not an error but
+/// an [`Ending`]. Without a fault the robot still has power afterwards and holds its pose.
 pub fn perform(
     rig: &mut dyn Rig,
     player: &mut dyn Player,

@@ -21,7 +21,8 @@ pub struct Performance {
     pub simulated: Vec<KeySet>,
     /// Keys that were down at the beginning.
     pub down_before: KeySet,
-    /// Strikes and releases, at times since the beginning. On a robot until [`Piece::late_secs`] after the last control step.
+    /// Strikes and releases, at times since the beginning. On a robot until [`Piece::late_secs`]
+    /// after the last control step.
     pub events: Vec<KeyEvent>,
     /// How it ended.
     pub ending: Ending,
@@ -80,7 +81,8 @@ pub struct RobotResult {
     pub clamped: u64,
     /// Records that are missing in the recording because there were too many at once.
     pub lost_records: u64,
-    /// How the joints were asked to move and how they moved; empty without a correction, even an empty one.
+    /// How the joints were asked to move and how they moved; empty without a correction, even an
+    /// empty one.
     pub tracking: Tracking,
 }
 
@@ -116,8 +118,8 @@ impl Performance {
         self.simulated.extend(step.simulated);
     }
 
-    /// Keys that were heard for each control step of the piece: in a simulation at its end, on a robot [`Piece::late_secs`] later; silence
-    /// after an early end.
+    /// Keys that were heard for each control step of the piece: in a simulation at its end, on a
+    /// robot [`Piece::late_secs`] later; silence after an early end.
     pub fn heard(&self) -> Vec<KeySet> {
         let steps = self.piece.steps();
         match self.robot {
@@ -145,7 +147,8 @@ impl Performance {
         PlayedNotes { planned: self.planned_notes(), played: self.notes(), end_secs: self.secs() }
     }
 
-    /// The notes that the player should play, at times of the control steps: those that are due, less what the fingering leaves out.
+    /// The notes that the player should play, at times of the control steps: those that are due,
+    /// less what the fingering leaves out.
     fn planned_notes(&self) -> Vec<Note> {
         let planned = match self.piece.fingering() {
             Some(_) => self.piece.planned(),
@@ -154,7 +157,8 @@ impl Performance {
         notes_from_key_events(&changes(&planned, 0.0), self.secs())
     }
 
-    /// Every score. Control steps after an early end count as silence; onsets are read at the times of the key events.
+    /// Every score. Control steps after an early end count as silence; onsets are read at the times
+    /// of the key events.
     pub fn scores(&self) -> Scores {
         Scores {
             frame: frame_scores(self.piece.frames(), &self.heard()),
@@ -169,7 +173,8 @@ impl Performance {
     }
 }
 
-/// Strikes and releases of keys that change at the beginning of control steps, all later by `late_secs`.
+/// Strikes and releases of keys that change at the beginning of control steps, all later by
+/// `late_secs`.
 fn changes(frames: &[KeySet], late_secs: f64) -> Vec<KeyEvent> {
     let mut before = KeySet::EMPTY;
     let mut events = Vec::new();
@@ -186,8 +191,8 @@ fn padded(keys: &[KeySet], steps: usize) -> Vec<KeySet> {
     (0..steps).map(|step| keys.get(step).copied().unwrap_or_default()).collect()
 }
 
-/// The gap between simulation and robot: the share of the F1 in simulation that is lost on the robot (paper, "Results": from 0.946 to 0.881
-/// is 6.8 %). 0 where the F1 in simulation is 0.
+/// The gap between simulation and robot: the share of the F1 in simulation that is lost on the
+/// robot (paper, "Results": from 0.946 to 0.881 is 6.8 %). 0 where the F1 in simulation is 0.
 pub fn gap(sim_f1: f64, robot_f1: f64) -> f64 {
     if sim_f1 == 0.0 { 0.0 } else { 1.0 - robot_f1 / sim_f1 }
 }
@@ -198,9 +203,9 @@ mod tests {
     use etude_music::{KeyScheduleConfig, repertoire};
     use etude_task::TaskConfig;
 
-    /// A player that strikes and releases every key at the time of the song is right in every control step, whatever the lead; 20 ms early
-    /// or late is still within the step, 30 ms is not. A lead below half a step is the simulation's: its keys are read at the end of the
-    /// step.
+    /// A player that strikes and releases every key at the time of the song is right in every
+    /// control step, whatever the lead; 20 ms early or late is still within the step, 30 ms is not.
+    /// A lead below half a step is the simulation's: its keys are read at the end of the step.
     #[test]
     fn a_robot_is_scored_on_the_songs_own_time() {
         let song = repertoire::get("twinkle").expect("built in");
@@ -237,7 +242,8 @@ mod tests {
         assert_eq!(Piece::for_task(&song, &early).unwrap().late_secs(), 0.0);
     }
 
-    /// The hand cannot strike a key again at once, so the fingering leaves it earlier than the song. Without a fingering all is planned.
+    /// The hand cannot strike a key again at once, so the fingering leaves it earlier than the
+    /// song. Without a fingering all is planned.
     #[test]
     fn the_notes_of_the_fingering_are_planned_or_those_of_the_song() {
         let song = repertoire::get("twinkle").expect("built in");

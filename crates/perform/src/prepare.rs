@@ -18,12 +18,13 @@ const WAIT: Duration = Duration::from_millis(20);
 pub(crate) const STOPPED: &str =
     "it was stopped by `etude robot stop`, or its guard process has ended: give the same command again";
 
-/// Starts a robot's devices, waits until it holds still, and, if there is a `pose` (rad, the rail in m), moves it there
-/// slowly. Its records go into the recording, with time 0 and their time on the robot's clock.
+/// Starts a robot's devices, waits until it holds still, and, if there is a `pose` (rad, the rail
+/// in m), moves it there slowly. Its records go into the recording, with time 0 and their time on
+/// the robot's clock.
 ///
 /// # Errors
-/// If a device does not start, the robot is not there after two minutes, `interrupt` is set, or the recording cannot be
-/// written. The caller must then stop the robot.
+/// If a device does not start, the robot is not there after two minutes, `interrupt` is set, or the
+/// recording cannot be written. The caller must then stop the robot.
 pub fn prepare(
     robot: &mut Robot,
     pace: &mut dyn Pace,
@@ -41,8 +42,9 @@ pub fn prepare(
     Ok(())
 }
 
-/// Adds to a recording what a robot has recorded since its last performance ended, and what comes in the first second after its release:
-/// why it stopped, with the number of an arm's error, and how the hand and the arm came to rest.
+/// Adds to a recording what a robot has recorded since its last performance ended, and what comes
+/// in the first second after its release: why it stopped, with the number of an arm's error, and
+/// how the hand and the arm came to rest.
 ///
 /// # Errors
 /// If the recording cannot be written.

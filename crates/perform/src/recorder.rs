@@ -1,12 +1,13 @@
-//! Receives what a rig measures: keeps the key events in memory and writes everything to the recording, if there is one.
+//! Receives what a rig measures: keeps the key events in memory and writes everything to the
+//! recording, if there is one.
 
 use std::time::Duration;
 
 use etude_music::{KeyEvent, LOWEST_PITCH};
 use etude_robot::{Pace, Record, Robot};
 
+use crate::error::RecordingError;
 use crate::messages::{ArmMessage, HandMessage, KeyMessage, Message, NoteMessage, SetPointMessage};
-use crate::recording::RecordingError;
 use crate::timing::Timing;
 use crate::writer::RecordingWriter;
 
@@ -23,7 +24,8 @@ impl<'a> Recorder<'a> {
         Self { writer, events: Vec::new() }
     }
 
-    /// Writes what a device measured at `device_secs` of the robot's clock, which is `secs` of the performance.
+    /// Writes what a device measured at `device_secs` of the robot's clock, which is `secs` of the
+    /// performance.
     ///
     /// # Errors
     /// If writing fails.
@@ -37,7 +39,8 @@ impl<'a> Recorder<'a> {
         writer.write_measured(secs, device_secs, &message())
     }
 
-    /// Takes a key event. An event before time zero (while a robot is prepared) is written, but not kept in `events`.
+    /// Takes a key event. An event before time zero (while a robot is prepared) is written, but not
+    /// kept in `events`.
     ///
     /// # Errors
     /// If writing fails.
@@ -62,7 +65,8 @@ impl<'a> Recorder<'a> {
     }
 }
 
-/// Lets `write` write what the robot has recorded since the last call, while the robot is controlled: a disk that hangs does not hold it up.
+/// Lets `write` write what the robot has recorded since the last call, while the robot is
+/// controlled: a disk that hangs does not hold it up.
 ///
 /// # Errors
 /// If writing fails.

@@ -18,15 +18,18 @@
 //! | `/arm` | [`ArmMessage`] | at every report of the arm, 100 a second |
 //! | `/note` | [`NoteMessage`] | at a new phase, a warning, a fault |
 //!
-//! Messages are JSON with a JSON schema. Log times are nanoseconds since the start of the performance; what comes before
-//! it has the time 0. The publish times of what a robot's devices measured are those of the robot's clock, since its wires were opened.
-//! The file has an end at any moment, so a recording that was cut short, even by kill -9, can be opened by any reader of MCAP, and at
-//! most its last second is missing. [`RecordingWriter`](crate::RecordingWriter) writes it, [`Recording`] reads it.
+//! Messages are JSON with a JSON schema. Log times are nanoseconds since the start of the
+//! performance; what comes before it has the time 0. The publish times of what a robot's devices
+//! measured are those of the robot's clock, since its wires were opened. The file has an end at any
+//! moment, so a recording that was cut short, even by kill -9, can be opened by any reader of MCAP,
+//! and at most its last second is missing. [`RecordingWriter`](crate::RecordingWriter) writes it,
+//! [`Recording`] reads it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Deserialize;
 
+use crate::error::RecordingError;
 use crate::messages::{
     ArmMessage, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage, RewardMessage,
     SetPointMessage, StepMessage, TargetMessage,
@@ -35,35 +38,6 @@ use crate::terminated_file::UNINDEXED_END;
 
 /// Version of the messages ([`Header::schema`]).
 pub(crate) const SCHEMA: u32 = 2;
-
-/// A recording could not be written or read.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    /// The file cannot be created, opened or read.
-    #[error("cannot open the recording {path}: {source}; check the path and its permissions")]
-    Open {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// Writing failed, for example because the disk is full.
-    #[error("cannot write the recording {path}: {message}; what was written until then can be read")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        message: String,
-    },
-    /// The file is no recording of ours.
-    #[error("{path} is not a recording of Étude: {message}")]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        message: String,
-    },
-}
 
 /// A recording read back.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -110,7 +84,8 @@ impl Recording {
     /// If not even the header can be read.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         let mut recording = Self { complete: true, ..Self::default() };
-        // mcap 0.26.0 subtracts sizes that it has not checked: with overflow checks on, a damaged chunk panics there.
+        // mcap 0.26.0 subtracts sizes that it has not checked: with overflow checks on, a damaged
+        // chunk panics there.
         let read = std::panic::AssertUnwindSafe(|| recording.take(bytes));
         match std::panic::catch_unwind(read) {
             Ok(taken) => taken?,

@@ -1,5 +1,5 @@
-//! A rig: a hand at a keyboard, simulated or real. It shows joints and keys, and it moves for one control
-//! step at a time.
+//! A rig: a hand at a keyboard, simulated or real. It shows joints and keys, and it moves for one
+//! control step at a time.
 //!
 //! An execution mode (paper, appendix "Execution Modes") is a way to put a rig together:
 //! [`Mode::rig`](crate::Mode::rig).
@@ -18,8 +18,8 @@ pub type StepEnd = Result<PlayedStep, Ending>;
 
 /// Moves to joint targets at a keyboard. [`perform`](crate::perform) calls it.
 pub trait Rig {
-    /// Begins a performance: time zero, in the starting pose. A simulation is put there; a robot must be there
-    /// already ([`prepare`](crate::prepare())).
+    /// Begins a performance: time zero, in the starting pose. A simulation is put there; a robot
+    /// must be there already ([`prepare`](crate::prepare())).
     ///
     /// # Errors
     /// If a recording cannot be written.
@@ -33,8 +33,8 @@ pub trait Rig {
         work();
     }
 
-    /// Moves to the targets of `command` for one control step, and passes every key event and measurement to
-    /// `recorder`. The player chose the action from `observation`.
+    /// Moves to the targets of `command` for one control step, and passes every key event and
+    /// measurement to `recorder`. The player chose the action from `observation`.
     ///
     /// # Errors
     /// If a robot refuses the command, or the recording cannot be written.
@@ -48,8 +48,8 @@ pub trait Rig {
     /// Comes to rest. Called after the last control step, however the performance ended.
     fn rest(&mut self);
 
-    /// Adds to `performance` what only this kind of rig measures, and passes to `recorder` what is not yet
-    /// recorded. A robot holds its pose until what it played last is heard.
+    /// Adds to `performance` what only this kind of rig measures, and passes to `recorder` what is
+    /// not yet recorded. A robot holds its pose until what it played last is heard.
     ///
     /// # Errors
     /// If the recording cannot be written.

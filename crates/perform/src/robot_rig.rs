@@ -1,5 +1,5 @@
-//! A robot as a rig. The observation has its joints and keys; its set-points are shaped within the limits of
-//! its rig file.
+//! A robot as a rig. The observation has its joints and keys; its set-points are shaped within the
+//! limits of its rig file.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -10,11 +10,11 @@ use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, RAIL};
 use etude_task::{Command, RigState};
 
 use crate::correction::{Correction, Tracking};
+use crate::error::RecordingError;
 use crate::messages::{PolicyMessage, StepMessage, TargetMessage};
 use crate::performance::{Ending, Performance, PlayedStep, RobotResult};
 use crate::prepare::STOPPED;
 use crate::recorder::{RobotRecords, take_records};
-use crate::recording::RecordingError;
 use crate::rig::{Rig, StepEnd};
 use crate::shaping::{Shaping, Waypoints};
 use crate::timing::{CONTROL_PERIOD, Timing};
@@ -25,7 +25,8 @@ const SETTLE: Duration = Duration::from_millis(300);
 /// Time between two readings of the records of a robot at rest.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// A robot that has been prepared ([`prepare`](crate::prepare())) and holds still in the starting pose.
+/// A robot that has been prepared ([`prepare`](crate::prepare())) and holds still in the starting
+/// pose.
 pub struct RobotRig<'a> {
     robot: &'a mut Robot,
     pace: &'a mut dyn Pace,
@@ -42,7 +43,8 @@ pub struct RobotRig<'a> {
 }
 
 impl<'a> RobotRig<'a> {
-    /// A rig of `robot`, which holds still in the pose `start` (rad, the rail in m); `pace` advances its time.
+    /// A rig of `robot`, which holds still in the pose `start` (rad, the rail in m); `pace`
+    /// advances its time.
     pub fn new(robot: &'a mut Robot, pace: &'a mut dyn Pace, start: &[f64; DRIVEN_JOINTS]) -> Self {
         Self {
             shaping: Shaping::new(&robot.config().limits, start),
@@ -57,8 +59,8 @@ impl<'a> RobotRig<'a> {
         }
     }
 
-    /// The same rig, which adds `correction` to its set-points and measures the tracking. It is for a robot
-    /// that follows simulated joints.
+    /// The same rig, which adds `correction` to its set-points and measures the tracking. It is for
+    /// a robot that follows simulated joints.
     pub fn corrected(self, correction: Option<&'a Correction>) -> Self {
         Self { correction, ..self }
     }

@@ -1,8 +1,9 @@
-//! Turns joint targets into set-points where no simulation runs: the low-pass and the bounded reference of a
-//! simulated joint with default parameters, within the limits of the rig's limiter.
+//! Turns joint targets into set-points where no simulation runs: the low-pass and the bounded
+//! reference of a simulated joint with default parameters, within the limits of the rig's limiter.
 //!
-//! It depends on the rig and not on the policy. The parameters of a simulator that was fitted to a robot
-//! already include this shaping, so the policy's own simulator must not shape the targets a second time.
+//! It depends on the rig and not on the policy. The parameters of a simulator that was fitted to a
+//! robot already include this shaping, so the policy's own simulator must not shape the targets a
+//! second time.
 
 use etude_robot::rig::LimitsConfig;
 use etude_stage::controller::{Actuation, Controller, Gains};
@@ -12,8 +13,8 @@ use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfi
 /// Set-points of one control step, one for each physics step: rad, the rail in m.
 pub(crate) type Waypoints = [[f64; DRIVEN_JOINTS]; PHYSICS_STEPS];
 
-/// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it does not
-/// clamp them.
+/// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it
+/// does not clamp them.
 const LIMIT_SHARE: f64 = 0.95;
 
 /// Shapes targets into set-points.
@@ -34,7 +35,8 @@ impl Shaping {
         Self { gains, key_down_gains, controllers: pose.map(Controller::at_rest) }
     }
 
-    /// The set-points of a control step with these targets. `key_down` says whether a key is down when it begins.
+    /// The set-points of a control step with these targets. `key_down` says whether a key is down
+    /// when it begins.
     pub(crate) fn shape(
         &mut self,
         targets: &[f64; DRIVEN_JOINTS],
@@ -53,8 +55,8 @@ impl Shaping {
     }
 }
 
-/// Parameters of simulated joints with the low-pass and reference that shape a rig's commands: the start
-/// values of a fit to a robot.
+/// Parameters of simulated joints with the low-pass and reference that shape a rig's commands: the
+/// start values of a fit to a robot.
 pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
     let mut params = PhysicalParams::default();
     for joint in 0..DRIVEN_JOINTS {

@@ -1,6 +1,7 @@
 //! Commands in messages: what is printed can be typed.
 
-/// `text`, a path or a name, as one word of a shell. Words that need no quotes stay as they are, `path=value` too.
+/// `text`, a path or a name, as one word of a shell. Words that need no quotes stay as they are,
+/// `path=value` too.
 pub fn shell_word(text: impl std::fmt::Display) -> String {
     let text = text.to_string();
     // Only a NUL cannot be quoted, and no argument or path has one.

@@ -8,7 +8,8 @@ use crate::performance::{Ending, Performance, SimulationResult};
 use crate::rig::{Rig, StepEnd, UNSTABLE};
 use crate::{PerformError, PlayedStep, Recorder};
 
-/// A [`Simulation`] that begins with the same random stream in each performance, and sums up the reward.
+/// A [`Simulation`] that begins with the same random stream in each performance, and sums up the
+/// reward.
 pub struct SimRig {
     simulation: Simulation,
     piece: Piece,
@@ -19,7 +20,8 @@ pub struct SimRig {
 }
 
 impl SimRig {
-    /// A simulation of `piece` in the nominal world or, if `task` randomises, in the world that `seed` draws.
+    /// A simulation of `piece` in the nominal world or, if `task` randomises, in the world that
+    /// `seed` draws.
     ///
     /// # Errors
     /// If the configuration is not valid.

@@ -30,7 +30,8 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted[below] + part * (sorted[(below + 1).min(last)] - sorted[below])
 }
 
-/// The smallest of the sorted values that at least `share` of them do not exceed (NumPy's `inverted_cdf`); 0 without values.
+/// The smallest of the sorted values that at least `share` of them do not exceed (NumPy's
+/// `inverted_cdf`); 0 without values.
 pub fn nearest_rank(sorted: &[f64], share: f64) -> f64 {
     let rank = (sorted.len() as f64 * share).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)

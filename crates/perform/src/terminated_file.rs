@@ -1,4 +1,5 @@
-//! A file of MCAP that is whole at any moment: it always has an end, also when the program is killed in the middle of a write.
+//! A file of MCAP that is whole at any moment: it always has an end, also when the program is
+//! killed in the middle of a write.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -6,10 +7,10 @@ use std::path::Path;
 
 use atomic_write_file::AtomicWriteFile;
 
-use crate::recording::RecordingError;
+use crate::error::RecordingError;
 
-/// The end of a file without an index: the record that ends the data (opcode 15, without a checksum), the footer (opcode 2), which
-/// names no index, and the magic bytes.
+/// The end of a file without an index: the record that ends the data (opcode 15, without a
+/// checksum), the footer (opcode 2), which names no index, and the magic bytes.
 pub(crate) const UNINDEXED_END: [u8; 50] = {
     let mut end = [0; 50];
     (end[0], end[1]) = (15, 4);
@@ -43,9 +44,9 @@ impl Disk for File {
     }
 }
 
-/// A file that has an end at any moment. A write can be killed where a page of the file begins, but not within a page. So the
-/// records are written behind the old end, with the new end first, and the bytes that replace the old end come last: until then
-/// readers stop at the old end.
+/// A file that has an end at any moment. A write can be killed where a page of the file begins, but
+/// not within a page. So the records are written behind the old end, with the new end first, and
+/// the bytes that replace the old end come last: until then readers stop at the old end.
 pub(crate) struct TerminatedFile<D> {
     pub(crate) disk: D,
     /// Where the end begins; it lies within one page. 0 if nothing is written yet.
@@ -53,7 +54,8 @@ pub(crate) struct TerminatedFile<D> {
 }
 
 impl<D: Disk> TerminatedFile<D> {
-    /// Writes whole records in the place of the end, with a new end behind them, for which [`filler`] has made room.
+    /// Writes whole records in the place of the end, with a new end behind them, for which
+    /// [`filler`] has made room.
     pub(crate) fn add(&mut self, records: &[u8]) -> std::io::Result<()> {
         if records.is_empty() {
             return Ok(());
@@ -71,8 +73,8 @@ impl<D: Disk> TerminatedFile<D> {
         self.disk.set_len(len)
     }
 
-    /// Writes `records` in the place of the end and another end at `end`. If that fails, for example because the disk is full, the
-    /// old end stays.
+    /// Writes `records` in the place of the end and another end at `end`. If that fails, for
+    /// example because the disk is full, the old end stays.
     fn replace_end(&mut self, records: &[u8], end: u64) -> std::io::Result<()> {
         let split = if self.len == 0 { 0 } else { UNINDEXED_END.len().min(records.len()) };
         let (first, rest) = records.split_at(split);

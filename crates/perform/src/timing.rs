@@ -23,8 +23,8 @@ pub struct TimingReport {
     pub commands: usize,
     /// Commands that came after the next control step had begun, which is their deadline.
     pub missed: usize,
-    /// Commands more than one set-point after the beginning of their control step: the previous set-point was held for too
-    /// long.
+    /// Commands more than one set-point after the beginning of their control step: the previous
+    /// set-point was held for too long.
     pub late: usize,
     /// Median time from the beginning of a control step to its command.
     pub late_median_ms: f64,

@@ -1,8 +1,9 @@
-//! Writing a recording: messages become JSON on the calling thread, and a separate thread writes the file, so that a slow disk
-//! does not delay a robot.
+//! Writing a recording: messages become JSON on the calling thread, and a separate thread writes
+//! the file, so that a slow disk does not delay a robot.
 //!
-//! After each chunk comes an end without an index, which the next chunk replaces (`terminated_file`). So other readers of MCAP open the file too
-//! when the program was killed, also in the middle of a write.
+//! After each chunk comes an end without an index, which the next chunk replaces
+//! (`terminated_file`). So other readers of MCAP open the file too when the program was killed,
+//! also in the middle of a write.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -14,23 +15,26 @@ use std::thread::JoinHandle;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 
+use crate::error::RecordingError;
 use crate::messages::{Header, Message, topics};
-use crate::recording::{RecordingError, SCHEMA};
+use crate::recording::SCHEMA;
 use crate::terminated_file::{Disk, RECORD_HEADER, TerminatedFile, begin_file, filler};
 
 /// Time of a performance after which a chunk is written even if it is small, s.
 const FLUSH_SECS: f64 = 1.0;
 /// Size at which a chunk is written: less than a second of a robot.
 const CHUNK_BYTES: u64 = 64 * 1024;
-/// Largest number of messages that wait for the disk, about two minutes of a robot. When the queue is full, [`RecordingWriter::write`]
-/// blocks: a robot's controller does not call it, but the thread that works beside it.
+/// Largest number of messages that wait for the disk, about two minutes of a robot. When the queue
+/// is full, [`RecordingWriter::write`] blocks: a robot's controller does not call it, but the
+/// thread that works beside it.
 const WAITING: usize = 65_536;
 
 /// Opcode of the records that fill a page up. Readers skip records whose opcodes they do not know.
 const FILLER: u8 = 0x80;
 type McapFile = mcap::Writer<NoSeek<Pending>>;
 
-/// What the MCAP writer has written and the file does not yet have: it is not at the end of a record after each of its writes.
+/// What the MCAP writer has written and the file does not yet have: it is not at the end of a
+/// record after each of its writes.
 #[derive(Clone, Default)]
 struct Pending(Arc<Mutex<Vec<u8>>>);
 
@@ -145,8 +149,8 @@ impl RecordingWriter {
         self.write_measured(secs, secs, message)
     }
 
-    /// The same for what a device measured at `device_secs` of the robot's clock, which also counts before the performance: the publish
-    /// time of the message.
+    /// The same for what a device measured at `device_secs` of the robot's clock, which also counts
+    /// before the performance: the publish time of the message.
     ///
     /// # Errors
     /// If writing fails, or failed before.
@@ -311,7 +315,8 @@ mod tests {
         }
     }
 
-    /// What a recording leaves on a disk with `room` at each moment of its writing, steps of up to `longest` positions.
+    /// What a recording leaves on a disk with `room` at each moment of its writing, steps of up to
+    /// `longest` positions.
     fn left_behind(room: Option<usize>, longest: usize) -> Vec<Vec<u8>> {
         let disk = Killable { room, ..Killable::default() };
         let left = Arc::clone(&disk.left);
@@ -341,7 +346,8 @@ mod tests {
         std::mem::take(&mut left.lock().unwrap())
     }
 
-    /// Number of messages in a file that another reader accepts: its footer, its index, and its records up to the first footer.
+    /// Number of messages in a file that another reader accepts: its footer, its index, and its
+    /// records up to the first footer.
     fn read_by_mcap(bytes: &[u8]) -> usize {
         let indexed = mcap::read::footer(bytes).unwrap().summary_start > 0;
         assert_eq!(

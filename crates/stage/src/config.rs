@@ -1,5 +1,6 @@
-//! Which world is built. [`StageConfig`] is the choice of hand, fences and actuation; numbers that vary are in
-//! [`PhysicalParams`](crate::params::PhysicalParams). With [`ModelOptions`] the twin makes its world different from the simulator's.
+//! Which world is built. [`StageConfig`] is the choice of hand, fences and actuation; numbers that
+//! vary are in [`PhysicalParams`](crate::params::PhysicalParams). With [`ModelOptions`] the twin
+//! makes its world different from the simulator's.
 
 use etude_music::KEY_COUNT;
 use serde::{Deserialize, Serialize};
@@ -73,15 +74,16 @@ pub struct ModelOptions {
     pub integrator: Integrator,
     /// The friction cone.
     pub cone: Cone,
-    /// Whether dry friction holds a joint still and joint limits are stiff. By default MuJoCo's joints creep under dry friction and
-    /// yield at their limits.
+    /// Whether dry friction holds a joint still and joint limits are stiff. By default MuJoCo's
+    /// joints creep under dry friction and yield at their limits.
     pub firm_joints: bool,
     /// Rotation of the keyboard about its middle, counter-clockwise seen from above, rad.
     pub keyboard_yaw_rad: f64,
     /// Whether the hand has a weight. The keys' springs are at rest where gravity leaves them.
     pub gravity: bool,
-    /// How the hand is turned on the arm about its mount, rad: about the axis toward the player (positive raises the high notes'
-    /// side), and about the keyboard's length (positive raises the fingertips).
+    /// How the hand is turned on the arm about its mount, rad: about the axis toward the player
+    /// (positive raises the high notes' side), and about the keyboard's length (positive raises the
+    /// fingertips).
     pub hand_tilt_rad: [f64; 2],
     /// The keys.
     pub keys: [KeyFactors; KEY_COUNT],

@@ -1,14 +1,16 @@
 //! The controller of one joint: low-pass, bounded-jerk reference, delay, PD, torque clamp.
 //!
-//! The paper drives every simulated joint by "a PD controller with maximum jerk, a low pass filter and damping", tuned for each
-//! joint. Ours runs at each physics step, outside MuJoCo's model, which has plain torque actuators.
+//! The paper drives every simulated joint by "a PD controller with maximum jerk, a low pass filter
+//! and damping", tuned for each joint. Ours runs at each physics step, outside MuJoCo's model,
+//! which has plain torque actuators.
 //!
 //! ```text
 //! target ─► low-pass ─► reference (velocity, acceleration, jerk bounded) ─► delay ─► PD ─► clamp ─► torque
 //! ```
 //!
-//! The delay is last because the reference is smooth, unlike the targets: it can be interpolated between two physics steps, so that
-//! a fit of the delay has gradients. For delays of whole steps the order makes no difference.
+//! The delay is last because the reference is smooth, unlike the targets: it can be interpolated
+//! between two physics steps, so that a fit of the delay has gradients. For delays of whole steps
+//! the order makes no difference.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +23,8 @@ pub enum Actuation {
     /// The paper's main text: low-pass, bounded jerk, PD, torque clamp.
     #[default]
     Controlled,
-    /// The paper's appendix: a position actuator (torque proportional to the error) and damping in the joint, without
-    /// filter, reference or clamp.
+    /// The paper's appendix: a position actuator (torque proportional to the error) and damping in
+    /// the joint, without filter, reference or clamp.
     Position,
 }
 
@@ -56,8 +58,8 @@ impl Gains {
         let value = |quantity| params.joint(quantity, index);
         let (acceleration_limit, jerk_limit) =
             (value(JointRow::AccelerationLimit), value(JointRow::JerkLimit));
-        // Near the target the reference is a critically damped third-order system whose fastest part takes as long
-        // as the jerk limit needs to build up the full acceleration.
+        // Near the target the reference is a critically damped third-order system whose fastest
+        // part takes as long as the jerk limit needs to build up the full acceleration.
         let settle_secs = (acceleration_limit / jerk_limit).max(step_secs);
         let delay_steps = value(JointRow::Delay) / step_secs;
         // The small number makes up for rounding: 0.03 / 0.005 is less than 6 in floating point.
@@ -80,7 +82,8 @@ impl Gains {
         }
     }
 
-    /// The same for a reference that moves toward its target with `most` at most, and brakes to that if it is faster.
+    /// The same for a reference that moves toward its target with `most` at most, and brakes to
+    /// that if it is faster.
     pub fn slower(self, most: f64) -> Self {
         Self { speed: self.speed.min(most), ..self }
     }
@@ -141,20 +144,22 @@ impl Controller {
         self.queue.len() == QUEUE && self.head < QUEUE
     }
 
-    /// One physics step: the torque for `target` when the encoder reads `measured` and the joint moves at `velocity`.
+    /// One physics step: the torque for `target` when the encoder reads `measured` and the joint
+    /// moves at `velocity`.
     pub fn torque(&mut self, gains: &Gains, target: f64, measured: f64, velocity: f64) -> f64 {
         let wanted = self.follow(gains, target);
         gains.torque(wanted, measured, velocity)
     }
 
-    /// One physics step as [`torque`](Self::torque), but `reference` is followed without low-pass and limits: for set-points that
-    /// were shaped already.
+    /// One physics step as [`torque`](Self::torque), but `reference` is followed without low-pass
+    /// and limits: for set-points that were shaped already.
     pub fn track(&mut self, gains: &Gains, reference: f64, measured: f64, velocity: f64) -> f64 {
         let wanted = self.delayed(gains, reference);
         gains.torque(wanted, measured, velocity)
     }
 
-    /// One physics step without a torque: the set-point for `target`, for a robot whose own drives follow set-points.
+    /// One physics step without a torque: the set-point for `target`, for a robot whose own drives
+    /// follow set-points.
     pub fn follow(&mut self, gains: &Gains, target: f64) -> f64 {
         let wanted = match gains.actuation {
             Actuation::Position => target,
@@ -180,8 +185,9 @@ impl Controller {
     fn advance(&mut self, gains: &Gains) {
         let dt = gains.step_secs;
         let error = self.filtered - self.position;
-        // Far away: the speed from which half the acceleration limit still stops in time; the other half is a reserve for the
-        // jerk limit. Close by: proportional, so that it settles without overshoot.
+        // Far away: the speed from which half the acceleration limit still stops in time; the other
+        // half is a reserve for the jerk limit. Close by: proportional, so that it settles without
+        // overshoot.
         let stoppable = (gains.acceleration_limit * error.abs()).sqrt();
         let speed = (gains.approach * error.abs()).min(stoppable).min(gains.speed);
         let wanted = (speed.copysign(error) - self.velocity) / gains.settle_secs;

@@ -1,17 +1,19 @@
 //! Geometry of the keyboard, an M-Audio Keystation 49e.
 //!
-//! World frame: origin at the middle of the keyboard on its base plane, `+x` toward the player, `+y` toward the
-//! high notes, `+z` up. Lengths in metres, angles in radians.
+//! World frame: origin at the middle of the keyboard on its base plane, `+x` toward the player,
+//! `+y` toward the high notes, `+z` up. Lengths in metres, angles in radians.
 //!
-//! Sources: box sizes, hinge and white travel from RoboPianist (github.com/google-research/robopianist,
-//! `models/piano/piano_constants.py`); pitch of the white keys, black travel and masses from the authors' model of the Keystation 49e
+//! Sources: box sizes, hinge and white travel from RoboPianist
+//! (github.com/google-research/robopianist, `models/piano/piano_constants.py`); pitch of the white
+//! keys, black travel and masses from the authors' model of the Keystation 49e
 //! (github.com/lasr-lab/learning-to-play-piano, `robopianist/models/piano/piano_constants.py`).
 
 use etude_music::{KEY_COUNT, key_is_black};
 
 /// White keys on the keyboard.
 pub const WHITE_KEYS: usize = 29;
-/// Distance between the centres of neighbouring white keys, m: the measured width over the number of white keys.
+/// Distance between the centres of neighbouring white keys, m: the measured width over the number
+/// of white keys.
 pub const WHITE_PITCH: f64 = 0.674 / WHITE_KEYS as f64;
 /// Half the width of the keyboard, m: how far the rail must reach to either side.
 pub const HALF_WIDTH: f64 = WHITE_PITCH * WHITE_KEYS as f64 / 2.0;
@@ -59,14 +61,16 @@ impl KeyShape {
         self.x + self.size[0] / 2.0
     }
 
-    /// Point `[x, z]` that a fingertip should aim for, m: toward the player from the middle of the key, and a quarter of its height
-    /// above its centre. As in RoboPianist's fingering reward (`piano_with_shadow_hands.py`).
+    /// Point `[x, z]` that a fingertip should aim for, m: toward the player from the middle of the
+    /// key, and a quarter of its height above its centre. As in RoboPianist's fingering reward
+    /// (`piano_with_shadow_hands.py`).
     pub fn target(&self) -> [f64; 2] {
         [self.x + 0.35 * self.size[0] / 2.0, self.z + 0.5 * self.size[2] / 2.0]
     }
 }
 
-/// Centre of key `key` along the keyboard (`y`), m. A black key stands over the gap between its white neighbours.
+/// Centre of key `key` along the keyboard (`y`), m. A black key stands over the gap between its
+/// white neighbours.
 ///
 /// # Panics
 /// If `key` is not one of the [`KEY_COUNT`] keys.
@@ -93,17 +97,19 @@ pub struct Fence {
     pub x: [f64; 2],
 }
 
-/// Height of the fences' tops relative to the tops of the white keys at rest, m; negative is below. A fingertip that comes down off
-/// the middle then reaches its key before it meets a fence, and a pressed key is well below the fences on both sides. Our choice,
-/// since the paper shows the fences without a size.
+/// Height of the fences' tops relative to the tops of the white keys at rest, m; negative is below.
+/// A fingertip that comes down off the middle then reaches its key before it meets a fence, and a
+/// pressed key is well below the fences on both sides. Our choice, since the paper shows the fences
+/// without a size; docs/results/learning.md compares others.
 pub const FENCE_RISE: f64 = -0.002;
-/// Sliding friction of the fences. They are slippery plastic (paper, appendix), so that a fingertip that comes down on a fence
-/// slides onto a key.
+/// Sliding friction of the fences. They are slippery plastic (paper, appendix), so that a fingertip
+/// that comes down on a fence slides onto a key.
 pub const FENCE_FRICTION: f64 = 0.1;
 /// Thickness of a fence, m: it fills the gap between two white keys.
 pub const FENCE_THICKNESS: f64 = WHITE_PITCH - WHITE.size[1];
 
-/// The fences between all neighbouring white keys. Where a black key stands between them the fence ends in front of it.
+/// The fences between all neighbouring white keys. Where a black key stands between them the fence
+/// ends in front of it.
 pub fn fences() -> impl Iterator<Item = Fence> {
     (0..KEY_COUNT - 1).filter(|key| !key_is_black(*key)).map(|key| {
         let y = key_lateral(key) + WHITE_PITCH / 2.0;

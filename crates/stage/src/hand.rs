@@ -1,8 +1,9 @@
 //! The Allegro hand: names, lengths, limits and masses, and where it is mounted.
 //!
-//! Palm frame: origin at the finger roots' level, `+z` along the straight fingers, `+x` out of the palm on the side
-//! that the fingers curl to, `+y` lateral. Unless stated otherwise, lengths, ranges and sizes are those of MuJoCo Menagerie's
-//! `wonik_allegro`, and masses those of the URDF in github.com/simlabrobotics/allegro_hand_ros_v4.
+//! Palm frame: origin at the finger roots' level, `+z` along the straight fingers, `+x` out of the
+//! palm on the side that the fingers curl to, `+y` lateral. Unless stated otherwise, lengths,
+//! ranges and sizes are those of MuJoCo Menagerie's `wonik_allegro`, and masses those of the URDF
+//! in github.com/simlabrobotics/allegro_hand_ros_v4.
 
 use serde::{Deserialize, Serialize};
 
@@ -45,8 +46,8 @@ pub fn joint_range(joint: usize) -> [f64; 2] {
     if joint == RAIL { [-HALF_WIDTH, HALF_WIDTH] } else { FINGER_RANGE[joint % JOINTS_PER_FINGER] }
 }
 
-/// Length of the four links of a finger, m: root to flexion joint, then to each next joint; the last one runs to
-/// the centre of the fingertip's rounded end.
+/// Length of the four links of a finger, m: root to flexion joint, then to each next joint; the
+/// last one runs to the centre of the fingertip's rounded end.
 pub const LINKS: [f64; JOINTS_PER_FINGER] = [0.0164, 0.054, 0.0384, TIP_CENTRE + TIP_HALF_LENGTH];
 
 /// Masses of base, proximal, medial, distal link and tip, kg.
@@ -65,26 +66,29 @@ pub const PALM_CENTRE: [f64; 3] = [-0.0093, 0.0, -0.0475];
 /// Length of the distal link's body in front of the printed tip, m.
 pub const DISTAL_LENGTH: f64 = 0.016;
 
-/// Radius of the printed fingertip, m; this and the next two from github.com/lasr-lab/learning-to-play-piano.
+/// Radius of the printed fingertip, m; this and the next two from
+/// github.com/lasr-lab/learning-to-play-piano.
 pub const TIP_RADIUS: f64 = 0.0085;
 /// Half the length of the fingertip capsule's cylinder, m.
 pub const TIP_HALF_LENGTH: f64 = 0.016;
 /// Centre of the fingertip capsule beyond the last joint, m.
 pub const TIP_CENTRE: f64 = 0.029;
-/// Place of the finger pad beyond the last joint, m: the point from which the rewards measure the distance to a key. It is inside
-/// the fingertip, as in RoboPianist and in the authors' code, so that the reward still rises while a key is pressed down.
+/// Place of the finger pad beyond the last joint, m: the point from which the rewards measure the
+/// distance to a key. It is inside the fingertip, as in RoboPianist and in the authors' code, so
+/// that the reward still rises while a key is pressed down.
 pub const PAD: f64 = 0.026;
 
 /// Distance of an outer finger's root from the middle one's, m.
 pub const ROOT_SPACING: f64 = 0.0435;
-/// How far the outer fingers' roots lie behind the middle one's, along the fingers, m: `[outer, middle]`.
+/// How far the outer fingers' roots lie behind the middle one's, along the fingers, m: `[outer,
+/// middle]`.
 pub const ROOT_Z: [f64; 2] = [-0.001542, 0.0007];
 /// Outward splay of the outer fingers, rad.
 pub const SPLAY: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
-/// Place of the palm's origin when the rail is centred: toward the player and up, m. The height is that of
-/// lasr-lab/learning-to-play-piano. It is 1 cm further back than there, so that a finger with an upright tip reaches the front of the
-/// white keys within the range of its second joint.
+/// Place of the palm's origin when the rail is centred: toward the player and up, m. The height is
+/// that of lasr-lab/learning-to-play-piano. It is 1 cm further back than there, so that a finger
+/// with an upright tip reaches the front of the white keys within the range of its second joint.
 pub const MOUNT: [f64; 2] = [0.10, 0.12];
 
 /// Lateral sign of a finger's root in the palm frame: the index finger of a right hand is at `+y`.
@@ -96,8 +100,8 @@ pub fn root_side(side: Side, finger: usize) -> f64 {
     }
 }
 
-/// Lateral offset of a finger's root in the world when the rail is centred, m: with the palm facing down, the palm's
-/// `+y` is the keyboard's `-y`.
+/// Lateral offset of a finger's root in the world when the rail is centred, m: with the palm facing
+/// down, the palm's `+y` is the keyboard's `-y`.
 pub fn root_lateral(side: Side, finger: usize) -> f64 {
     -root_side(side, finger) * ROOT_SPACING
 }

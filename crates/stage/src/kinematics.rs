@@ -1,13 +1,14 @@
 //! Forward and inverse kinematics of the fingers.
 //!
-//! In closed form, from the same numbers as the model; a test compares it with MuJoCo. Points are `[x, y, z]` in the world frame,
-//! angles are true joint angles without encoder bias.
+//! In closed form, from the same numbers as the model; a test compares it with MuJoCo. Points are
+//! `[x, y, z]` in the world frame, angles are true joint angles without encoder bias.
 
 use crate::hand::{
     FINGER_RANGE, JOINTS_PER_FINGER, LINKS, MOUNT, ROOT_Z, SPLAY, Side, root_lateral, root_side,
 };
 
-/// Root of a finger in the world when the rail is at `rail`, m, and the lateral tilt of its axis, rad.
+/// Root of a finger in the world when the rail is at `rail`, m, and the lateral tilt of its axis,
+/// rad.
 pub fn root(side: Side, finger: usize, rail: f64) -> ([f64; 3], f64) {
     let outer = root_side(side, finger) != 0.0;
     let [back, up] = MOUNT;
@@ -33,7 +34,8 @@ pub fn fingertip(side: Side, finger: usize, angles: &[f64; JOINTS_PER_FINGER], r
     let (base, tilt) = root(side, finger, rail);
     let [forward, down] = bend(&angles[1..]);
     let along = LINKS[0] + forward;
-    // The roll turns the bent part about the finger's axis: from straight down toward the palm's +y, world -y.
+    // The roll turns the bent part about the finger's axis: from straight down toward the palm's
+    // +y, world -y.
     let (aside, below) = (-down * angles[0].sin(), down * angles[0].cos());
     [
         base[0] - along * tilt.cos() + aside * tilt.sin(),
@@ -42,8 +44,8 @@ pub fn fingertip(side: Side, finger: usize, angles: &[f64; JOINTS_PER_FINGER], r
     ]
 }
 
-/// Joint angles that bring the fingertip's centre to `target`, with the tip as upright as the ranges allow; `None` if the finger
-/// cannot reach it.
+/// Joint angles that bring the fingertip's centre to `target`, with the tip as upright as the
+/// ranges allow; `None` if the finger cannot reach it.
 pub fn reach(side: Side, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; JOINTS_PER_FINGER]> {
     let (base, tilt) = root(side, finger, rail);
     let [dx, dy, dz] = [base[0] - target[0], target[1] - base[1], base[2] - target[2]];
@@ -57,7 +59,8 @@ pub fn reach(side: Side, finger: usize, target: [f64; 3], rail: f64) -> Option<[
     }
     let down = aside.hypot(dz);
     let forward = along - LINKS[0];
-    // The direction of the last link is redundant. Upright is tried first, then more and more slanted.
+    // The direction of the last link is redundant. Upright is tried first, then more and more
+    // slanted.
     (0..=160).find_map(|step| {
         let slant = f64::from((step + 1) / 2) * 0.01 * if step % 2 == 0 { 1.0 } else { -1.0 };
         let last = std::f64::consts::FRAC_PI_2 - slant;
@@ -69,7 +72,8 @@ pub fn reach(side: Side, finger: usize, target: [f64; 3], rail: f64) -> Option<[
     })
 }
 
-/// Flexion angles that bring the end of the medial link to (`forward`, `down`) and the last link to direction `last`.
+/// Flexion angles that bring the end of the medial link to (`forward`, `down`) and the last link to
+/// direction `last`.
 fn two_links(forward: f64, down: f64, last: f64) -> Option<[f64; 3]> {
     let (a, b) = (LINKS[1], LINKS[2]);
     let cosine = (forward * forward + down * down - a * a - b * b) / (2.0 * a * b);

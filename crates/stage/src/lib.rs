@@ -1,7 +1,9 @@
-//! The stage: a MuJoCo world with a keyboard, fences, an Allegro hand on a rail, and the controllers of its joints.
+//! The stage: a MuJoCo world with a keyboard, fences, an Allegro hand on a rail, and the
+//! controllers of its joints.
 //!
-//! [`World`] advances by one control step with thirteen joint targets; joints, fingertips and keys can then be read. Physical
-//! numbers that may vary are in [`PhysicalParams`], the choice of hand, fences and actuation in [`StageConfig`].
+//! [`World`] advances by one control step with thirteen joint targets; joints, fingertips and keys
+//! can then be read. Physical parameters that may vary are in [`PhysicalParams`], the choice of
+//! hand, fences and actuation in [`StageConfig`].
 //!
 //! ```
 //! use etude_stage::{PhysicalParams, StageConfig, World};
@@ -21,22 +23,22 @@ pub mod geometry;
 pub mod hand;
 pub mod kinematics;
 mod mjcf;
-mod ornaments;
 pub mod params;
 mod picture;
 mod scene;
 mod strike;
+mod visual_geoms;
 mod world;
 
 pub use config::{Cone, Integrator, KeyFactors, ModelOptions, PHYSICS_STEPS, StageConfig};
 pub use controller::Actuation;
 pub use error::StageError;
 pub use hand::{DRIVEN_JOINTS, FINGERS, JOINT_NAMES, RAIL, Side, joint_range};
-pub use mjcf::{LARGEST_PICTURE, mjcf};
+pub use mjcf::{MAX_PICTURE_SIZE, mjcf};
 pub use mujoco_rs::mujoco_version;
-pub use ornaments::{FLANGE_END, RAIL_BEAM};
 pub use params::{ParamError, PhysicalParams};
 pub use picture::{Painter, PictureError, View, picture_size};
 pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
 pub use strike::{LOUDEST_SECS, SOFTEST_SECS, Strike, strike_velocity};
+pub use visual_geoms::{FLANGE_END, RAIL_BEAM};
 pub use world::{Snapshot, SnapshotError, StepOutcome, World};

@@ -1,11 +1,14 @@
 //! The model as an MJCF document, written from [`PhysicalParams`].
 //!
-//! The world is built from exactly the text that `etude model export` prints; stock MuJoCo loads it unchanged.
+//! The world is built from exactly the text that `etude model export` prints; stock MuJoCo loads it
+//! unchanged.
 //!
 //! Choices that matter for speed or physics:
-//! - No gravity: the hand's controller compensates it, and the springs of the keys are at rest where gravity leaves them. The lower
-//!   limit of a key is just below its rest angle, so that no resting key keeps a constraint active.
-//! - Contact bits restrict collision tests to hand with keyboard (bit 1) and a finger with its neighbour (bit 2).
+//! - No gravity: the hand's controller compensates it, and the springs of the keys are at rest
+//!   where gravity leaves them. The lower limit of a key is just below its rest angle, so that no
+//!   resting key keeps a constraint active.
+//! - Contact bits restrict collision tests to hand with keyboard (bit 1) and a finger with its
+//!   neighbour (bit 2).
 //! - Resting keys sleep (MuJoCo's `sleep` flag) until something touches them.
 
 use etude_music::KEY_COUNT;
@@ -22,18 +25,20 @@ use crate::hand::{
 };
 use crate::params::{JointRow, PhysicalParams, WorldRow};
 
-/// Greatest width and height of a picture, pixels: the model's off-screen buffer.
-pub const LARGEST_PICTURE: [u32; 2] = [1920, 1080];
+/// Largest width and height of a picture, pixels: the model's off-screen buffer.
+pub const MAX_PICTURE_SIZE: [u32; 2] = [1920, 1080];
 /// The cameras' angle of view from top to bottom, degrees.
 pub(crate) const FIELD_OF_VIEW_DEG: f64 = 30.0;
 /// How far above rest a key may spring before its upper stop, rad.
 const KEY_REBOUND: f64 = 0.01;
-/// Speed below which a key may fall asleep, rad/s. With MuJoCo's default, keys fall asleep before they are at rest, which visibly
-/// changed later presses. With this value positions stay within 1e-8, and the time does not change measurably.
+/// Speed below which a key may fall asleep, rad/s. With MuJoCo's default, keys fall asleep before
+/// they are at rest, which visibly changed later presses. With this value positions stay within
+/// 1e-8, and the time does not change measurably.
 const SLEEP_TOLERANCE: f64 = 1e-10;
 /// Contact bit of hand against keyboard.
 const TOUCHES_KEYBOARD: u32 = 1;
-/// Contact bit of a finger against its neighbour; the middle finger receives it, the outer ones send it.
+/// Contact bit of a finger against its neighbour; the middle finger receives it, the outer ones
+/// send it.
 const TOUCHES_NEIGHBOUR: u32 = 2;
 
 /// The whole model as an MJCF document.
@@ -61,7 +66,7 @@ pub(crate) fn mjcf_with(config: &StageConfig, params: &PhysicalParams, options: 
         String::new()
     };
     let gravity = if options.gravity { -9.81 } else { 0.0 };
-    let [width, height] = LARGEST_PICTURE;
+    let [width, height] = MAX_PICTURE_SIZE;
     let motors: String =
         lines(JOINT_NAMES, |name| format!("    <motor name=\"{name}\" joint=\"{name}\"/>\n"));
     format!(
@@ -120,8 +125,9 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
     };
     let fences = if config.fences { lines(fences().enumerate(), fence) } else { String::new() };
     let floats = if options.gravity { r#" gravcomp="1""# } else { "" };
-    // Each key stands in the world and not in the keyboard's body: MuJoCo keeps the axes of a sleeping key relative to the
-    // centre of mass of everything under its outermost body, which other keys would move while it sleeps.
+    // Each key stands in the world and not in the keyboard's body: MuJoCo keeps the axes of a
+    // sleeping key relative to the centre of mass of everything under its outermost body, which
+    // other keys would move while it sleeps.
     let key = |key: usize| {
         let shape = KeyShape::of(key);
         let [length, width, thick] = shape.size.map(|size| size / 2.0);
@@ -159,7 +165,8 @@ pub(crate) fn key_colour(key: usize) -> [f32; 3] {
     if etude_music::key_is_black(key) { [0.08; 3] } else { [0.95, 0.95, 0.93] }
 }
 
-/// Angles of a key's upper and lower stop, rad. A key that its spring presses upward rests against the upper one.
+/// Angles of a key's upper and lower stop, rad. A key that its spring presses upward rests against
+/// the upper one.
 pub(crate) fn key_range(params: &PhysicalParams, options: &ModelOptions, key: usize) -> [f64; 2] {
     let upper = if params.world(WorldRow::KeyPreload) > 0.0 { 0.0 } else { -KEY_REBOUND };
     [upper, KeyShape::of(key).max_angle() * options.keys[key].travel]
@@ -193,8 +200,8 @@ pub(crate) fn keyboard_place(params: &PhysicalParams) -> [f64; 3] {
     [WorldRow::KeyboardDepth, WorldRow::KeyboardLateral, WorldRow::KeyboardHeight].map(|q| params.world(q))
 }
 
-/// Passive damping of joint `index` in MuJoCo's model, which under position actuation includes the controller's (paper,
-/// appendix).
+/// Passive damping of joint `index` in MuJoCo's model, which under position actuation includes the
+/// controller's (paper, appendix).
 pub(crate) fn passive_damping(config: &StageConfig, params: &PhysicalParams, index: usize) -> f64 {
     let viscosity = params.joint(JointRow::Viscosity, index);
     match config.actuation {
@@ -213,9 +220,11 @@ fn joint_attributes(config: &StageConfig, params: &PhysicalParams, index: usize)
 /// World position of the palm's body when the rail is centred, m.
 pub(crate) const PALM_PLACE: [f64; 3] = [MOUNT[0], 0.0, MOUNT[1]];
 
-/// Axes x and y of the palm in the world, and the world's y axis, along which the rail moves, in the palm.
+/// Axes x and y of the palm in the world, and the world's y axis, along which the rail moves, in
+/// the palm.
 fn palm_axes([roll, pitch]: [f64; 2]) -> [[f64; 3]; 3] {
-    // The palm faces down and the fingers point into the keyboard: palm x is world -z, palm y is world -y, palm z is world -x.
+    // The palm faces down and the fingers point into the keyboard: palm x is world -z, palm y is
+    // world -y, palm z is world -x.
     if (roll, pitch) == (0.0, 0.0) {
         return [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [0.0, -1.0, 0.0]];
     }

@@ -1,4 +1,5 @@
-//! Pictures of a world, drawn off-screen by MuJoCo through EGL: on a GPU, or on the processor with Mesa.
+//! Pictures of a world, drawn off-screen by MuJoCo through EGL: on a GPU, or on the processor with
+//! Mesa.
 #![allow(unsafe_code)] // Shapes that are drawn only are added to MuJoCo's scene; see the use.
 
 use std::error::Error as _;
@@ -9,7 +10,7 @@ use mujoco_rs::wrappers::fun::utility::{mju_mul_quat, mju_quat_2_mat, mju_rot_ve
 use mujoco_rs::wrappers::mj_model::MjtGeom;
 
 use crate::hand::RAIL;
-use crate::mjcf::{FIELD_OF_VIEW_DEG, LARGEST_PICTURE};
+use crate::mjcf::{FIELD_OF_VIEW_DEG, MAX_PICTURE_SIZE};
 use crate::scene::SceneGeom;
 use crate::world::World;
 
@@ -18,7 +19,7 @@ use crate::world::World;
 pub enum PictureError {
     /// The size is not one that the model's buffer has room for.
     #[error("a picture of {0} × {1} pixels is not possible: at most {max_w} × {max_h}, at least 1 × 1",
-        max_w = LARGEST_PICTURE[0], max_h = LARGEST_PICTURE[1])]
+        max_w = MAX_PICTURE_SIZE[0], max_h = MAX_PICTURE_SIZE[1])]
     Size(i64, i64),
     /// There is no OpenGL without a screen.
     #[error(
@@ -40,7 +41,8 @@ pub enum View {
     Side,
     /// From above.
     Top,
-    /// Close to the fingers, from the player's side and so low that the palm hides no fingertip; moves with the hand.
+    /// Close to the fingers, from the player's side and so low that the palm hides no fingertip;
+    /// moves with the hand.
     #[default]
     Fingers,
 }
@@ -64,8 +66,8 @@ impl View {
         Self::ALL.into_iter().find(|view| view.name() == name)
     }
 
-    /// Point that the camera looks at, m; from there to the camera; width and height of what is seen there, m. They are those
-    /// of the replay page (`viewer/src/cameras.js`).
+    /// Point that the camera looks at, m; from there to the camera; width and height of what is
+    /// seen there, m. They are those of the replay page (`viewer/src/cameras.js`).
     fn place(self, rail: f64) -> ([f64; 3], [f64; 3], [f64; 2]) {
         match self {
             Self::Player => ([0.03, 0.0, 0.03], [0.66, -0.09, 0.85], [0.76, 0.33]),
@@ -77,7 +79,7 @@ impl View {
 }
 
 /// Largest number of shapes that are drawn besides those of the model.
-const MOST_SHAPES: u32 = 128;
+const MAX_SHAPES: u32 = 128;
 
 /// Draws pictures of worlds with one model.
 pub struct Painter {
@@ -93,14 +95,15 @@ pub struct Painter {
 /// [`PictureError::Size`] if not.
 pub fn picture_size(width: i64, height: i64) -> Result<[u32; 2], PictureError> {
     let fit = |size: i64, most: u32| u32::try_from(size).ok().filter(|size| (1..=most).contains(size));
-    match (fit(width, LARGEST_PICTURE[0]), fit(height, LARGEST_PICTURE[1])) {
+    match (fit(width, MAX_PICTURE_SIZE[0]), fit(height, MAX_PICTURE_SIZE[1])) {
         (Some(width), Some(height)) => Ok([width, height]),
         _ => Err(PictureError::Size(width, height)),
     }
 }
 
 impl Painter {
-    /// A painter of pictures with `width` × `height` pixels. Smooth edges take twice as long where the processor draws.
+    /// A painter of pictures with `width` × `height` pixels. Smooth edges take twice as long where
+    /// the processor draws.
     ///
     /// # Errors
     /// If the size is out of range or there is no OpenGL.
@@ -121,7 +124,7 @@ impl Painter {
         let renderer = MjRenderer::builder()
             .width(width)
             .height(height)
-            .num_visual_user_geom(MOST_SHAPES)
+            .num_visual_user_geom(MAX_SHAPES)
             .camera(camera)
             .build(model);
         let renderer = renderer.map_err(|error| {
@@ -131,8 +134,8 @@ impl Painter {
         Ok(Self { renderer, view, aspect: f64::from(width) / f64::from(height) })
     }
 
-    /// A picture of the world as it stands, with `shapes` on its bodies: rows from top to bottom, three bytes (red, green, blue) a
-    /// pixel.
+    /// A picture of the world as it stands, with `shapes` on its bodies: rows from top to bottom,
+    /// three bytes (red, green, blue) a pixel.
     ///
     /// # Errors
     /// If drawing fails.

@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::KeyShape;
 use crate::hand::JOINT_NAMES;
-use crate::ornaments::{Ornament, ornaments};
+use crate::visual_geoms::{VisualGeom, visual_geoms};
 use crate::world::World;
 
-/// Bodies, each after its parent, and the shapes attached to them. Lengths in m, angles in rad, MuJoCo's conventions.
+/// Bodies, each after its parent, and the shapes attached to them. Lengths in m, angles in rad,
+/// MuJoCo's conventions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
     /// The bodies.
@@ -64,8 +65,8 @@ pub struct SceneGeom {
     /// `box`, `capsule`, `cylinder`, `ellipsoid` or `sphere`.
     #[serde(rename = "type")]
     pub kind: String,
-    /// Half sizes of a box; radius and half length (along z) of a capsule or cylinder; radius of a sphere;
-    /// half axes of an ellipsoid.
+    /// Half sizes of a box; radius and half length (along z) of a capsule or cylinder; radius of a
+    /// sphere; half axes of an ellipsoid.
     pub size: [f64; 3],
     /// Place in the body's frame.
     pub pos: [f64; 3],
@@ -118,25 +119,25 @@ impl World {
             quat: model.geom_quat()[geom],
             rgba: model.geom_rgba()[geom],
         });
-        Scene { bodies: bodies.collect(), geoms: geoms.chain(self.ornaments()).collect() }
+        Scene { bodies: bodies.collect(), geoms: geoms.chain(self.visual_geoms()).collect() }
     }
 
     /// The shapes that are drawn and are not in MuJoCo's model: motors, the thumb's tip, the rail.
-    pub fn ornaments(&self) -> Vec<SceneGeom> {
+    pub fn visual_geoms(&self) -> Vec<SceneGeom> {
         let model = self.data().model();
-        let shape = |ornament: Ornament| {
-            let id = model.name_to_id(MjtObjBase::mjOBJ_BODY, &ornament.body);
+        let shape = |geom: VisualGeom| {
+            let id = model.name_to_id(MjtObjBase::mjOBJ_BODY, &geom.body);
             SceneGeom {
-                name: ornament.name.to_string(),
+                name: geom.name.to_string(),
                 body: id.map_or(-1, |id| id as i32 - 1),
-                kind: ornament.kind.to_string(),
-                size: ornament.size,
-                pos: ornament.pos,
-                quat: ornament.quat,
-                rgba: ornament.rgba,
+                kind: geom.kind.to_string(),
+                size: geom.size,
+                pos: geom.pos,
+                quat: geom.quat,
+                rgba: geom.rgba,
             }
         };
-        ornaments(self.config()).into_iter().map(shape).collect()
+        visual_geoms(self.config()).into_iter().map(shape).collect()
     }
 }
 

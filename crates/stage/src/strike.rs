@@ -1,6 +1,7 @@
 //! MIDI velocity of a strike, as keyboards measure it: by the time between a key's two contacts.
 //!
-//! The velocity falls evenly with the logarithm of that time. The times are judgements: no manual of the Keystation gives them.
+//! The velocity falls evenly with the logarithm of that time. The times are judgements: no manual
+//! of the Keystation gives them.
 
 /// Travel between the first contact and the one at which a key sounds, as a share of the whole.
 pub const CONTACTS_APART: f64 = 0.2;
@@ -9,20 +10,21 @@ pub const LOUDEST_SECS: f64 = 0.004;
 /// The same of the softest, s.
 pub const SOFTEST_SECS: f64 = 0.15;
 
-/// Greatest MIDI velocity.
-const GREATEST: f64 = 127.0;
+/// Largest MIDI velocity.
+const MAX_VELOCITY: f64 = 127.0;
 
 /// A strike of a key in the simulator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Strike {
     /// The key (0 is the lowest C).
     pub key: usize,
-    /// Its velocity on MIDI's scale but without its ends: above 127 for strikes that are harder than the loudest.
+    /// Its velocity on MIDI's scale but without its ends: above 127 for strikes that are harder
+    /// than the loudest.
     pub force: f64,
 }
 
-/// Velocity, 1 to 127, of a strike whose contacts close `between_secs` apart, where `loudest_secs` and less is the loudest and
-/// `softest_secs` and more the softest.
+/// Velocity, 1 to 127, of a strike whose contacts close `between_secs` apart, where `loudest_secs`
+/// and less is the loudest and `softest_secs` and more the softest.
 pub fn strike_velocity(between_secs: f64, loudest_secs: f64, softest_secs: f64) -> u8 {
     midi(force(between_secs, loudest_secs, softest_secs))
 }
@@ -30,12 +32,12 @@ pub fn strike_velocity(between_secs: f64, loudest_secs: f64, softest_secs: f64) 
 /// The velocity without the ends of MIDI's scale.
 pub(crate) fn force(between_secs: f64, loudest_secs: f64, softest_secs: f64) -> f64 {
     let share = (between_secs / loudest_secs).ln() / (softest_secs / loudest_secs).ln();
-    GREATEST - (GREATEST - 1.0) * share
+    MAX_VELOCITY - (MAX_VELOCITY - 1.0) * share
 }
 
 /// A force as MIDI velocity.
 pub(crate) fn midi(force: f64) -> u8 {
-    force.round().clamp(1.0, GREATEST) as u8
+    force.round().clamp(1.0, MAX_VELOCITY) as u8
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
-//! Writes the observations of so many control steps as little-endian `f32`, the first of them from the reset: what other languages'
-//! packages are compared with, byte for byte (python/tests/test_environments.py plays the same). After the song it begins again.
+//! Writes the observations of so many control steps as little-endian `f32`, the first of them from
+//! the reset: what other languages' packages are compared with, byte for byte
+//! (python/tests/test_environments.py plays the same). After the song it begins again.
 //!
 //! ```text
 //! episode SONG SEED STEPS

@@ -1,11 +1,12 @@
-//! Control steps a second of environments that step together: what `benches/python_steps.py` holds the
-//! Python package against.
+//! Control steps a second of environments that step together: what `benches/python_steps.py` holds
+//! the Python package against.
 //!
 //! ```text
 //! steps SONG ENVIRONMENTS THREADS SECS ACTIONS
 //! ```
 //!
-//! `ACTIONS` is a file of little-endian `f32`, `[rounds, environments, 13]`; they are played over and over.
+//! `ACTIONS` is a file of little-endian `f32`, `[rounds, environments, 13]`; they are played over
+//! and over.
 
 use std::error::Error;
 use std::io::Write as _;

@@ -1,9 +1,10 @@
-//! Prints one episode of a song under random actions, which other engines can repeat: `trace SONG`. In the form of
-//! `scripts/check_model.py`: one line for the start and one for each physics step, with the torques and then all joint
-//! positions after the step. `benches/run.py` gives it to `mujoco.rollout`.
+//! Prints one episode of a song under random actions, which other engines can repeat: `trace SONG`.
+//! In the form of `scripts/check_model.py`: one line for the start and one for each physics step,
+//! with the torques and then all joint positions after the step. `benches/run.py` gives it to
+//! `mujoco.rollout`.
 //!
-//! Random torques are not representative: without a controller the hand swings freely and touches little, which is up to
-//! twice as fast to simulate.
+//! Random torques are not representative: without a controller the hand swings freely and touches
+//! little, which is up to twice as fast to simulate.
 
 use std::error::Error;
 use std::io::Write as _;

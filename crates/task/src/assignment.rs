@@ -4,12 +4,12 @@ use etude_stage::FINGERS;
 
 /// Assigns fingers to keys so that the summed lateral distance is smallest.
 ///
-/// `keys` and `fingers` are lateral positions along the keyboard, m. `chosen[i]` becomes the finger for
-/// `keys[i]`. Each finger is assigned to at most one key; with more keys than fingers, the keys that cost
-/// most get none. The search is exhaustive and so exact; ties go to the lower finger.
+/// `keys` and `fingers` are lateral positions along the keyboard, m. `chosen[i]` becomes the finger
+/// for `keys[i]`. Each finger is assigned to at most one key; with more keys than fingers, the keys
+/// that cost most get none. The search is exhaustive and so exact; ties go to the lower finger.
 ///
-/// The cost is the lateral distance alone, as in the paper ("Reward Design"): a low finger is not preferred
-/// over a higher one right above the key.
+/// The cost is the lateral distance alone, as in the paper ("Reward Design"): a low finger is not
+/// preferred over a higher one right above the key.
 pub fn assign(keys: &[f64], fingers: &[f64; FINGERS], chosen: &mut [Option<usize>]) {
     let mut best = (0, f64::INFINITY);
     let mut current = [None; MAX_KEYS];

@@ -14,9 +14,11 @@ use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError, VectorPiano, 
 /// Rates of one measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepRates {
-    /// Control steps per second of one environment: controllers, physics, keys, reward, observation.
+    /// Control steps per second of one environment: controllers, physics, keys, reward,
+    /// observation.
     pub steps_per_sec: f64,
-    /// Control steps per second of only the `mj_step` calls that those steps make, under the same torques.
+    /// Control steps per second of only the `mj_step` calls that those steps make, under the same
+    /// torques.
     pub bare_steps_per_sec: f64,
 }
 
@@ -27,8 +29,8 @@ impl StepRates {
     }
 }
 
-/// Measures with random actions on `song` for about `secs` each. Episodes of the environment and of bare
-/// MuJoCo alternate, so that other load on the machine slows both equally.
+/// Measures with random actions on `song` for about `secs` each. Episodes of the environment and of
+/// bare MuJoCo alternate, so that other load on the machine slows both equally.
 ///
 /// # Errors
 /// If the configuration is not valid.
@@ -71,8 +73,8 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<StepRates
     })
 }
 
-/// Control steps per second over all cores, of four environments a core that step together under random
-/// actions, measured for about `secs`.
+/// Control steps per second over all cores, of four environments a core that step together under
+/// random actions, measured for about `secs`.
 ///
 /// # Errors
 /// If the configuration is not valid.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use etude_checks::check_range;
-use etude_music::PlanConfig;
+use etude_music::KeyScheduleConfig;
 use etude_stage::{ParamError, PhysicalParams, StageConfig};
 use serde::{Deserialize, Serialize};
 
@@ -20,9 +20,9 @@ pub(crate) const MAX_PREVIOUS_ACTIONS: usize = 4;
 pub enum ObservationScale {
     /// As the paper's table has it: rad, and m for the rail.
     Si,
-    /// Finger joints by their range, to [−1, 1]; the rail in white keys from the middle, so that a movement
-    /// by one key is as large as the bending of a finger. Our choice: in SI units policies learn more slowly
-    /// (docs/results/experiments/fast/notes.md).
+    /// Finger joints by their range, to [−1, 1]; the rail in white keys from the middle, so that a
+    /// movement by one key is as large as the bending of a finger. Our choice: in SI units policies
+    /// learn more slowly (docs/results/choices.md).
     #[default]
     Normalised,
 }
@@ -34,9 +34,9 @@ pub enum ObservationView {
     /// The keyboard: all 49 keys, and the rail's position on it. The paper's.
     #[default]
     Keyboard,
-    /// The hand: the keys around the rail's planned position, how far the rail is from it, and how far it
-    /// moves in the next control steps. What is learned in one octave then holds in all. It needs a
-    /// fingering.
+    /// The hand: the keys around the rail's planned position, how far the rail is from it, and how
+    /// far it moves in the next control steps. What is learned in one octave then holds in all. It
+    /// needs a fingering.
     Hand,
 }
 
@@ -52,40 +52,42 @@ pub struct TaskConfig {
     pub reward: BTreeMap<String, f64>,
     /// Domain randomisation.
     pub randomisation: RandomisationConfig,
-    /// When keys are due: how repeated keys are let go, and how early commands are sent. The default is
-    /// RoboPianist's rule, which the paper uses.
-    pub plan: PlanConfig,
+    /// When keys are due: how repeated keys are let go, and how early commands are sent. The
+    /// default is RoboPianist's rule, which the paper uses.
+    pub plan: KeyScheduleConfig,
     /// Silence before the first note, s.
     pub initial_silence_secs: f64,
     /// Control steps of the song that the observation shows beyond the current one.
     pub lookahead: usize,
     /// Whether the observation holds the joints of one step ago (main text) or not (appendix).
     pub previous_joints: bool,
-    /// Previous actions that the observation shows, the newest first. The paper's is 0. They show the policy
-    /// what is still to come of slow or late drives, whose references it does not see.
+    /// Previous actions that the observation shows, the newest first. The paper's is 0. They show
+    /// the policy what is still to come of slow or late drives, whose references it does not see.
     pub previous_actions: usize,
-    /// Whether the policy is shown a planned [`Fingering`](crate::Fingering) of the song: the observation has
-    /// the position of each fingertip relative to its goal, and the rail's action is a distance from its
-    /// planned position. The reward terms [`FINGERING_TERMS`] need it. The paper has none.
+    /// Whether the policy is shown a planned [`Fingering`](crate::Fingering) of the song: the
+    /// observation has the position of each fingertip relative to its goal, and the rail's action
+    /// is a distance from its planned position. The reward terms [`FINGERING_TERMS`] need it. The
+    /// paper has none.
     pub fingering: bool,
-    /// Control steps of silence in which a fingering lets a finger change from one key to another of the same
-    /// colour. Fewer keep notes longer; more are easier to play. The default is what the scripted baseline
-    /// needs.
+    /// Control steps of silence in which a fingering lets a finger change from one key to another
+    /// of the same colour. Fewer keep notes longer; more are easier to play. The default is what
+    /// the scripted baseline needs.
     pub change_steps: usize,
-    /// How far the target of a finger joint may be from the angle that holds the fingertip over its goal,
-    /// rad; 0 stands for the joint's whole range. It needs a fingering.
+    /// How far the target of a finger joint may be from the angle that holds the fingertip over its
+    /// goal, rad; 0 stands for the joint's whole range. It needs a fingering.
     pub finger_range: f64,
-    /// How far the target of the rail may be from its planned position, m, with a fingering. A policy whose
-    /// targets reach farther swings the hand about its goal where the arm lags more than in its training.
+    /// How far the target of the rail may be from its planned position, m, with a fingering. A
+    /// policy whose targets reach farther swings the hand about its goal where the arm lags more
+    /// than in its training.
     pub rail_range: f64,
     /// Whether the observation shows, with each finger's goal, the velocity of its note. It needs a
     /// fingering.
     pub velocities: bool,
     /// What the observation's keys and rail are relative to.
     pub view: ObservationView,
-    /// Whether the observation has the rail's set-point instead of its measured position. A policy that reads
-    /// the measured position swings about its goal if the arm lags more than in its training. The paper's
-    /// policies observe the measured position.
+    /// Whether the observation has the rail's set-point instead of its measured position. A policy
+    /// that reads the measured position swings about its goal if the arm lags more than in its
+    /// training. The paper's policies observe the measured position.
     pub rail_set_point: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
@@ -98,7 +100,7 @@ impl Default for TaskConfig {
             physics: BTreeMap::new(),
             reward: BTreeMap::new(),
             randomisation: RandomisationConfig::default(),
-            plan: PlanConfig::default(),
+            plan: KeyScheduleConfig::default(),
             initial_silence_secs: 1.0,
             lookahead: 5,
             previous_joints: true,

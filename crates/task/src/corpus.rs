@@ -1,14 +1,14 @@
-//! The pieces of a training that plays another one in every episode: drawn melodies, or the MIDI files of a
-//! folder.
+//! The pieces of a training that plays another one in every episode: drawn melodies, or the MIDI
+//! files of a folder.
 //!
-//! Both are split into parts by their notes ([`Song::part`]). Episodes play pieces of [`Part::Training`],
-//! evaluations a fixed set of [`Part::Validation`].
+//! Both are split into parts by their notes ([`Song::split`]). Episodes play pieces of
+//! [`Split::Training`], evaluations a fixed set of [`Split::Validation`].
 
 use std::path::{Path, PathBuf};
 
 use etude_checks::check_range;
 use etude_learn::seed::fnv;
-use etude_music::{Part, Song, SongError, melodies};
+use etude_music::{Split, Song, SongError, melodies};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -18,8 +18,8 @@ use crate::{Piece, TaskConfig, TaskError};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CorpusConfig {
-    /// A folder of MIDI files (`.mid`), searched with the folders in it; without one, melodies are drawn
-    /// ([`etude_music::melody`]).
+    /// A folder of MIDI files (`.mid`), searched with the folders in it; without one, melodies are
+    /// drawn ([`etude_music::melody`]).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
     /// Held-out pieces that an evaluation plays.
@@ -36,22 +36,22 @@ impl Default for CorpusConfig {
 const DISTINCTIVE: usize = 4;
 
 impl CorpusConfig {
-    /// A checksum of the notes: other files in the folder, or melodies drawn in another way, have another
-    /// one.
+    /// A checksum of the notes: other files in the folder, or melodies drawn in another way, have
+    /// another one.
     ///
     /// # Errors
     /// If the folder or a file in it cannot be read.
     pub fn checksum(&self) -> Result<u64, TaskError> {
         let songs = match &self.folder {
             Some(folder) => FoundSongs::below(folder)?.songs,
-            None => melodies(Part::Validation, 0).take(DISTINCTIVE).collect(),
+            None => melodies(Split::Validation, 0).take(DISTINCTIVE).collect(),
         };
         let notes: Vec<_> = songs.iter().map(Song::notes).collect();
         Ok(fnv(format!("{notes:?}").as_bytes()))
     }
 
-    /// The MIDI files of the folder that are not used, and why: damaged ones, and songs that are wider than
-    /// the keyboard.
+    /// The MIDI files of the folder that are not used, and why: damaged ones, and songs that are
+    /// wider than the keyboard.
     ///
     /// # Errors
     /// If the folder or a file in it cannot be read.
@@ -73,7 +73,8 @@ pub struct Corpus {
 }
 
 impl Corpus {
-    /// The corpus of a task. The files of a folder are planned at once, melodies when they are played.
+    /// The corpus of a task. The files of a folder are planned at once, melodies when they are
+    /// played.
     ///
     /// # Errors
     /// If the folder or a file in it cannot be read, or there are too few pieces.
@@ -84,12 +85,12 @@ impl Corpus {
             songs.par_iter().map(|song| Piece::for_task(song, task)).collect()
         };
         let Some(folder) = &config.folder else {
-            let validation = planned(melodies(Part::Validation, 0).take(wanted).collect())?;
+            let validation = planned(melodies(Split::Validation, 0).take(wanted).collect())?;
             return Ok(Self { task: task.clone(), files: Vec::new(), validation });
         };
         let FoundSongs { songs, left_out } = FoundSongs::below(folder)?;
-        let of = |part| songs.iter().filter(|song| song.part() == part).cloned().collect::<Vec<_>>();
-        let (training, mut validation) = (of(Part::Training), of(Part::Validation));
+        let of = |part| songs.iter().filter(|song| song.split() == part).cloned().collect::<Vec<_>>();
+        let (training, mut validation) = (of(Split::Training), of(Split::Validation));
         validation.truncate(wanted);
         if training.is_empty() || validation.is_empty() {
             return Err(TaskError::Value(format!(
@@ -113,7 +114,7 @@ impl Corpus {
         if let Some(piece) = self.files.get((number % self.files.len().max(1) as u64) as usize) {
             return piece.clone();
         }
-        let song = melodies(Part::Training, number).next().expect("there is no end of melodies");
+        let song = melodies(Split::Training, number).next().expect("there is no end of melodies");
         Piece::for_task(&song, &self.task).expect("a melody fits the keyboard, and the task was checked")
     }
 
@@ -122,9 +123,9 @@ impl Corpus {
         &self.validation
     }
 
-    /// At most as many learned pieces of a folder, from all over it, for the training score beside the
-    /// validation score. None where melodies are drawn: no melody is learned twice, so every one is as new as
-    /// those of the validation.
+    /// At most as many learned pieces of a folder, from all over it, for the training score beside
+    /// the validation score. None where melodies are drawn: no melody is learned twice, so every
+    /// one is as new as those of the validation.
     pub fn learned_sample(&self) -> Vec<Piece> {
         let every = self.files.len().div_ceil(self.validation.len());
         self.files.iter().step_by(every.max(1)).cloned().collect()
@@ -134,7 +135,8 @@ impl Corpus {
 /// What the MIDI files below a folder hold.
 #[derive(Default)]
 struct FoundSongs {
-    /// The songs in the order of their paths, each moved onto the keyboard by the smallest transposition.
+    /// The songs in the order of their paths, each moved onto the keyboard by the smallest
+    /// transposition.
     songs: Vec<Song>,
     /// The files that are not used, and why.
     left_out: Vec<String>,

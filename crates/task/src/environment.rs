@@ -45,7 +45,8 @@ struct SavedState {
 }
 
 impl Environment {
-    /// An environment for `piece` at the start of an episode, with its own random stream from `seed`.
+    /// An environment for `piece` at the start of an episode, with its own random stream from
+    /// `seed`.
     ///
     /// # Errors
     /// If the configuration is not valid.
@@ -66,7 +67,8 @@ impl Environment {
         Ok(environment)
     }
 
-    /// Resets everything, including the random stream: the state of a new environment with this seed.
+    /// Resets everything, including the random stream: the state of a new environment with this
+    /// seed.
     pub fn restart(&mut self, seed: u64) {
         self.simulation.random = Pcg64::seed_from_u64(seed);
         self.reset();
@@ -80,8 +82,8 @@ impl Environment {
         }
     }
 
-    /// Starts the next episode: draws a piece of the corpus and the randomised parameters and puts the hand
-    /// into its starting pose, at the beginning of the song.
+    /// Starts the next episode: draws a piece of the corpus and the randomised parameters and puts
+    /// the hand into its starting pose, at the beginning of the song.
     pub fn reset(&mut self) {
         if self.drawn.is_some() {
             let number = u64::from(self.simulation.random.random::<u32>());
@@ -91,8 +93,8 @@ impl Environment {
         self.stepper.begin(&self.simulation.state());
     }
 
-    /// Plays one control step with `action` (each value in [−1, 1]). Writes the weighted reward terms into
-    /// `parts`, in the order of [`Reward::names`].
+    /// Plays one control step with `action` (each value in [−1, 1]). Writes the weighted reward
+    /// terms into `parts`, in the order of [`Reward::names`].
     pub fn step(&mut self, action: &[f32; ACTION_LEN], parts: &mut [f32]) -> StepResult {
         let state = self.simulation.state();
         let result = self.simulation.step(self.stepper.piece(), &self.stepper.command(action), parts);
@@ -105,8 +107,8 @@ impl Environment {
         self.stepper.observe(&self.simulation.state(), out);
     }
 
-    /// Plays one control step and writes the observation after it into `last`. When the song is over the
-    /// next episode begins. `observation` receives what the next action is chosen from.
+    /// Plays one control step and writes the observation after it into `last`. When the song is
+    /// over the next episode begins. `observation` receives what the next action is chosen from.
     pub fn advance(
         &mut self,
         action: &[f32; ACTION_LEN],
@@ -161,8 +163,8 @@ impl Environment {
     /// Continues from [`Environment::save`].
     ///
     /// # Errors
-    /// If the bytes are not the saved state of such an environment. It must then be [reset](Self::reset)
-    /// before use.
+    /// If the bytes are not the saved state of such an environment. It must then be
+    /// [reset](Self::reset) before use.
     pub fn load(&mut self, bytes: &[u8]) -> Result<(), EnvironmentError> {
         let refuse = |error: &dyn std::fmt::Display| EnvironmentError::new(error.to_string());
         let saved: SavedState = serde_json::from_slice(bytes).map_err(|error| refuse(&error))?;

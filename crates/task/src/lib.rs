@@ -1,9 +1,10 @@
-//! The decision process on top of a [`World`](etude_stage::World): observation, action, reward, episodes.
+//! The decision process on top of a [`World`](etude_stage::World): observation, action, reward,
+//! episodes.
 //!
-//! A [`Piece`] is a song in control steps. A [`Stepper`] goes through it: what a [`Player`] observes, and
-//! which joint targets its action means. A [`Simulation`] moves to them and evaluates the reward. An
-//! [`Environment`] is both, once per episode, with a new piece of a [`Corpus`] in each if there is one;
-//! [`VectorPiano`] runs many environments in parallel for the learner.
+//! A [`Piece`] is a song in control steps. A [`Stepper`] goes through it: what a [`Player`]
+//! observes, and which joint targets its action means. A [`Simulation`] moves to them and evaluates
+//! the reward. An [`Environment`] is both, once per episode, with a new piece of a [`Corpus`] in
+//! each if there is one; [`VectorPiano`] runs many environments in parallel for the learner.
 
 mod assignment;
 pub mod bench;

@@ -1,8 +1,8 @@
-//! The observation: joints, previous joints, pressed keys, and the keys due now and in the next control
-//! steps. Options add previous actions and a fingering.
+//! The observation: joints, previous joints, pressed keys, and the keys due now and in the next
+//! control steps. Options add previous actions and a fingering.
 
 use etude_learn::ObservationLayout;
-use etude_music::{KEYS, KeySet, key_is_black};
+use etude_music::{KEY_COUNT, KeySet, key_is_black};
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::{DRIVEN_JOINTS, FINGERS, RAIL, joint_range, kinematics};
@@ -25,8 +25,8 @@ pub struct History {
 }
 
 impl History {
-    /// The history at rest: `joints` have not moved, and the actions were those that hold them, as far as
-    /// the range allows.
+    /// The history at rest: `joints` have not moved, and the actions were those that hold them, as
+    /// far as the range allows.
     pub fn at_rest(joints: [f64; DRIVEN_JOINTS], range: &TargetRange, step: usize) -> Self {
         Self { joints, actions: [range.action(&joints, step); MAX_PREVIOUS_ACTIONS] }
     }
@@ -67,31 +67,31 @@ fn rail_columns(config: &TaskConfig) -> usize {
     }
 }
 
-/// Columns of the keys: those that are down, those due in each step and, seen from the hand, which of the
-/// slots have a black key.
+/// Columns of the keys: those that are down, those due in each step and, seen from the hand, which
+/// of the slots have a black key.
 fn key_columns(config: &TaskConfig) -> usize {
     match config.view {
-        ObservationView::Keyboard => KEYS * (config.lookahead + 2),
+        ObservationView::Keyboard => KEY_COUNT * (config.lookahead + 2),
         ObservationView::Hand => SLOTS * (config.lookahead + 3),
     }
 }
 
-/// Writes an observation of [`layout`]'s length: `joints` (encoder readings) and those of one control step
-/// ago, previous actions, the position of each fingertip relative to its goal; then, each 0 or 1, the keys
-/// down, the keys due at `step` and in the next `lookahead` steps, and the fingers that should play in each
-/// of these steps.
+/// Writes an observation of [`layout`]'s length: `joints` (encoder readings) and those of one
+/// control step ago, previous actions, the position of each fingertip relative to its goal; then,
+/// each 0 or 1, the keys down, the keys due at `step` and in the next `lookahead` steps, and the
+/// fingers that should play in each of these steps.
 ///
 /// A goal has three columns: how far the fingertip is beyond it toward the player (x) and along the
 /// keyboard, in white keys from −4 to 4, and the time until the note begins, as a fraction of
-/// [`AHEAD_STEPS`]. With [`TaskConfig::velocities`] a fourth is the note's MIDI velocity over 127. A finger
-/// without a goal has 0, 0, 1 and 0. The fingertip is the centre of the rounded tip where the readings
-/// place it.
+/// [`AHEAD_STEPS`]. With [`TaskConfig::velocities`] a fourth is the note's MIDI velocity over 127.
+/// A finger without a goal has 0, 0, 1 and 0. The fingertip is the centre of the rounded tip where
+/// the readings place it.
 ///
-/// With [`ObservationView::Hand`] the rail's readings are relative to its planned position, the keys are
-/// those in a window of 21 half white keys around that position, with one more set of columns for the black
-/// keys among them, and after the goals there are: how far the planned position is from the middle of the
-/// window, and how far from it the planned positions of the next `lookahead` steps are, in white keys
-/// (−4 to 4).
+/// With [`ObservationView::Hand`] the rail's readings are relative to its planned position, the
+/// keys are those in a window of 21 half white keys around that position, with one more set of
+/// columns for the black keys among them, and after the goals there are: how far the planned
+/// position is from the middle of the window, and how far from it the planned positions of the next
+/// `lookahead` steps are, in white keys (−4 to 4).
 pub fn observe(
     config: &TaskConfig,
     joints: &[f64; DRIVEN_JOINTS],
@@ -134,11 +134,11 @@ pub fn observe(
     }
     binary.fill(0.0);
     let (keys, playing) = binary.split_at_mut(key_columns(config));
-    let width = if from_hand { SLOTS } else { KEYS };
+    let width = if from_hand { SLOTS } else { KEY_COUNT };
     for (index, columns) in keys.chunks_exact_mut(width).enumerate() {
         let keys = if index == 0 { pressed } else { piece.due(step + index - 1) };
         if from_hand && index == config.lookahead + 2 {
-            window.show((0..KEYS).filter(|key| key_is_black(*key)), columns);
+            window.show((0..KEY_COUNT).filter(|key| key_is_black(*key)), columns);
         } else if from_hand {
             window.show(keys.iter(), columns);
         } else {

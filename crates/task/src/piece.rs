@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use etude_music::{CONTROL_HZ, KeySet, Note, Plan, PlanConfig, Song, SongError};
+use etude_music::{CONTROL_HZ, KeySet, Note, KeySchedule, KeyScheduleConfig, Song, SongError};
 
 use crate::fingering::{Fingering, Goals, Strokes};
 
@@ -18,13 +18,13 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// The song by RoboPianist's rules, after `initial_silence_secs` of silence, rounded to whole control
-    /// steps.
+    /// The song by RoboPianist's rules, after `initial_silence_secs` of silence, rounded to whole
+    /// control steps.
     ///
     /// # Errors
     /// If a note lies outside the keyboard, or the song is longer than the frames may be.
     pub fn new(song: &Song, initial_silence_secs: f64) -> Result<Self, SongError> {
-        Ok(PlanConfig::default().plan(song, initial_silence_secs)?.into())
+        Ok(KeyScheduleConfig::default().schedule(song, initial_silence_secs)?.into())
     }
 
     /// `steps` control steps in which no key is due, for motions without a song.
@@ -49,7 +49,8 @@ impl Piece {
         Strokes::new(&self.due, &self.notes, self.latency_compensation_secs)
     }
 
-    /// The keys that its fingering plays in each control step: what is due, less what the hand cannot do.
+    /// The keys that its fingering plays in each control step: what is due, less what the hand
+    /// cannot do.
     pub fn planned(&self) -> Vec<KeySet> {
         let mut planned = vec![KeySet::EMPTY; self.due.len()];
         for note in self.fingering.iter().flat_map(|fingering| fingering.notes()) {
@@ -86,10 +87,10 @@ impl Piece {
         self.due.get(step).copied().unwrap_or_default()
     }
 
-    /// Keys to hold in control step `step`: those that are due or, with a fingering, those of them that it
-    /// plays then or played one step before: a policy is a step quicker than its plan. With
-    /// [`change_steps`](crate::TaskConfig::change_steps) of 1 no silent step is left between two keys of a
-    /// finger, and the policy itself has to find the time.
+    /// Keys to hold in control step `step`: those that are due or, with a fingering, those of them
+    /// that it plays then or played one step before: a policy is a step quicker than its plan. With
+    /// [`change_steps`](crate::TaskConfig::change_steps) of 1 no silent step is left between two
+    /// keys of a finger, and the policy itself has to find the time.
     pub fn held(&self, step: usize) -> KeySet {
         let due = self.due(step);
         let Some(fingering) = &self.fingering else { return due };
@@ -112,9 +113,9 @@ impl Piece {
         self.latency_compensation_secs
     }
 
-    /// Time by which a robot that plays this on time is heard later than a simulation, s. In a simulation
-    /// a key that is due in a control step goes down half a step after its beginning on average, and
-    /// sounds at its end; the rest of the compensation makes up for a robot's lag.
+    /// Time by which a robot that plays this on time is heard later than a simulation, s. In a
+    /// simulation a key that is due in a control step goes down half a step after its beginning on
+    /// average, and sounds at its end; the rest of the compensation makes up for a robot's lag.
     pub fn late_secs(&self) -> f64 {
         (self.latency_compensation_secs - 0.5 / CONTROL_HZ).max(0.0)
     }
@@ -130,8 +131,8 @@ impl Piece {
     }
 }
 
-impl From<Plan> for Piece {
-    fn from(Plan { song, frames, latency_compensation_secs }: Plan) -> Self {
+impl From<KeySchedule> for Piece {
+    fn from(KeySchedule { song, frames, latency_compensation_secs }: KeySchedule) -> Self {
         Self {
             title: song.title().to_string(),
             due: frames.into(),

@@ -6,8 +6,8 @@ use crate::fingering::Fingering;
 use crate::{Piece, TaskConfig, TaskError};
 
 impl Piece {
-    /// The song as `config` plays it: with its key schedule, after its initial silence and, if it asks for
-    /// one, with a fingering for its world.
+    /// The song as `config` plays it: with its key schedule, after its initial silence and, if it
+    /// asks for one, with a fingering for its world.
     ///
     /// # Errors
     /// As [`Piece::new`]; also if a parameter of the schedule or of the physics is out of range.
@@ -15,8 +15,8 @@ impl Piece {
         Self::for_task_with_progress(song, config, &mut |_| {})
     }
 
-    /// The same for a song that may be long: `on_progress` receives the share of its fingering that is
-    /// planned, 0 to 1.
+    /// The same for a song that may be long: `on_progress` receives the share of its fingering that
+    /// is planned, 0 to 1.
     ///
     /// # Errors
     /// As [`Piece::for_task`].
@@ -25,7 +25,7 @@ impl Piece {
         config: &TaskConfig,
         on_progress: &mut dyn FnMut(f64),
     ) -> Result<Self, TaskError> {
-        let piece = Self::from(config.plan.plan(song, config.initial_silence_secs)?);
+        let piece = Self::from(config.plan.schedule(song, config.initial_silence_secs)?);
         if !config.fingering {
             return Ok(piece);
         }

@@ -1,4 +1,5 @@
-//! The interface of everything that chooses actions: a policy, the scripted baseline, an excitation.
+//! The interface of everything that chooses actions: a policy, the scripted baseline, an
+//! excitation.
 
 use etude_learn::Policy;
 
@@ -6,8 +7,8 @@ use crate::{ACTION_LEN, ScriptedBaseline};
 
 /// Chooses the action of each control step of a performance.
 pub trait Player: Send {
-    /// Writes the action of control step `step` into `action`: 13 values, −1 to 1. `observation` has the
-    /// [`layout`](crate::layout()) of the task that is played.
+    /// Writes the action of control step `step` into `action`: 13 values, −1 to 1. `observation`
+    /// has the [`layout`](crate::layout()) of the task that is played.
     fn act(&mut self, step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]);
 }
 

@@ -8,14 +8,14 @@ use etude_stage::{DRIVEN_JOINTS, RAIL, joint_range};
 
 use crate::{ACTION_LEN, Fingering, Piece};
 
-/// Range of each joint's target, to which an action in [−1, 1] is mapped: the joint's own range for a finger
-/// joint, the part of the keyboard that the piece needs for the rail. With a fingering, the rail's range is
-/// [`TaskConfig::rail_range`](crate::TaskConfig::rail_range) to either side of its planned position, and
-/// with [`TaskConfig::finger_range`](crate::TaskConfig::finger_range) those of the finger joints are around
-/// the planned pose.
+/// Range of each joint's target, to which an action in [−1, 1] is mapped: the joint's own range for
+/// a finger joint, the part of the keyboard that the piece needs for the rail. With a fingering,
+/// the rail's range is [`TaskConfig::rail_range`](crate::TaskConfig::rail_range) to either side of
+/// its planned position, and with [`TaskConfig::finger_range`](crate::TaskConfig::finger_range)
+/// those of the finger joints are around the planned pose.
 ///
-/// If the rail's range were the whole keyboard, a change of its action by 0.02 would be 7 mm, more than a
-/// fingertip may be off the middle of a key between fences. docs/results/learning.md compares the two.
+/// If the rail's range were the whole keyboard, a change of its action by 0.02 would be 7 mm, more
+/// than a fingertip may be off the middle of a key between fences.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetRange {
     ranges: [[f64; 2]; DRIVEN_JOINTS],
@@ -23,8 +23,8 @@ pub struct TargetRange {
 }
 
 impl TargetRange {
-    /// The range for `piece`. Without a fingering, the rail can bring any finger over any of its keys, and
-    /// one white key further.
+    /// The range for `piece`. Without a fingering, the rail can bring any finger over any of its
+    /// keys, and one white key further.
     pub fn new(piece: &Piece) -> Self {
         let mut ranges = std::array::from_fn(joint_range);
         let fingering = piece.fingering().cloned();
@@ -53,8 +53,8 @@ impl TargetRange {
         self.ranges[joint].map(|end| planned + end)
     }
 
-    /// Joint targets (rad, the rail in m) of an action in control step `step`; its values are clamped to
-    /// ±1.
+    /// Joint targets (rad, the rail in m) of an action in control step `step`; its values are
+    /// clamped to ±1.
     pub fn targets(&self, action: &[f32; ACTION_LEN], step: usize) -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| {
             let [low, high] = self.ends(joint, step);
@@ -71,8 +71,8 @@ impl TargetRange {
     }
 }
 
-/// Positions of the rail from which any finger is over any key of the piece, and one white key further, m;
-/// none without keys.
+/// Positions of the rail from which any finger is over any key of the piece, and one white key
+/// further, m; none without keys.
 fn over_its_keys(piece: &Piece) -> Option<[f64; 2]> {
     let keys = || piece.frames().iter().flat_map(|due| due.iter()).map(key_lateral);
     let (lowest, highest) = (keys().reduce(f64::min)?, keys().reduce(f64::max)?);

@@ -14,10 +14,11 @@ use crate::{Piece, TaskConfig, TaskError};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepResult {
     /// Sum of the weighted reward terms; NaN if the physics diverged
-    /// ([`StepOutcome::unstable`](etude_stage::StepOutcome::unstable)), at which the learner stops with an
-    /// error.
+    /// ([`StepOutcome::unstable`](etude_stage::StepOutcome::unstable)), at which the learner stops
+    /// with an error.
     pub reward: f64,
-    /// Whether the song is over. This is a truncation and not a terminal state: the learner bootstraps.
+    /// Whether the song is over. This is a truncation and not a terminal state: the learner
+    /// bootstraps.
     pub song_over: bool,
     /// Whether there was a contact other than a fingertip on the keyboard.
     pub collided: bool,
@@ -61,21 +62,22 @@ impl Simulation {
         self.world.reset();
     }
 
-    /// Resets everything, including the random stream: the state of a new simulation with this seed.
+    /// Resets everything, including the random stream: the state of a new simulation with this
+    /// seed.
     pub fn restart(&mut self, seed: u64) {
         self.random = Pcg64::seed_from_u64(seed);
         self.reset();
     }
 
-    /// The same simulation in the world `params`. Only without randomisation: with it, the next reset
-    /// would draw another world.
+    /// The same simulation in the world `params`. Only without randomisation: with it, the next
+    /// reset would draw another world.
     pub fn set_params(&mut self, params: &PhysicalParams) {
         self.world.set_params(params);
         self.world.reset();
     }
 
-    /// Plays one control step of `piece`. Writes the weighted reward terms into `parts`, in the order of
-    /// [`Reward::names`].
+    /// Plays one control step of `piece`. Writes the weighted reward terms into `parts`, in the
+    /// order of [`Reward::names`].
     pub fn step(&mut self, piece: &Piece, command: &Command<'_>, parts: &mut [f32]) -> StepResult {
         let step = command.step;
         let pressed_before = self.world.pressed();

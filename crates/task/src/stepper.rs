@@ -1,5 +1,6 @@
-//! Steps through a piece: what a player observes, and which joint targets its action means. Training
-//! ([`Environment`](crate::Environment)) and playing (`etude_perform::perform`) both use it.
+//! Steps through a piece: what a player observes, and which joint targets its action means.
+//! Training ([`Environment`](crate::Environment)) and playing (`etude_perform::perform`) both use
+//! it.
 
 use etude_music::KeySet;
 use etude_stage::{DRIVEN_JOINTS, RAIL, World};
@@ -31,8 +32,8 @@ pub struct Command<'a> {
     pub step: usize,
     /// The action, −1 to 1.
     pub action: &'a [f32; ACTION_LEN],
-    /// The action of the step before; in the first step, the one whose targets are the starting pose, as
-    /// far as the range allows.
+    /// The action of the step before; in the first step, the one whose targets are the starting
+    /// pose, as far as the range allows.
     pub previous_action: &'a [f32; ACTION_LEN],
     /// The joint targets of the action: rad, the rail in m.
     pub targets: [f64; DRIVEN_JOINTS],

@@ -9,8 +9,8 @@ use crate::environment::Environment;
 use crate::observation::layout;
 use crate::{ACTION_LEN, Corpus, Piece, TaskConfig, TaskError};
 
-/// Environments of one piece, or of one corpus, that step together. Each owns its world and its random
-/// stream, so the result does not depend on the number of threads.
+/// Environments of one piece, or of one corpus, that step together. Each owns its world and its
+/// random stream, so the result does not depend on the number of threads.
 pub struct VectorPiano {
     environments: Vec<EnvironmentSlot>,
     layout: ObservationLayout,

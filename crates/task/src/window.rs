@@ -1,14 +1,14 @@
 //! The keys and the rail as seen from the hand.
 //!
-//! The keyboard is a row of *slots*, half a white key wide: white keys are in the even ones, black keys in
-//! the odd ones between them, and there is none between B and C or E and F. The window is the slots around
-//! the planned position of the rail. So a passage looks the same in every octave, and what is learned in
-//! one is known in all.
+//! The keyboard is a row of *slots*, half a white key wide: white keys are in the even ones, black
+//! keys in the odd ones between them, and there is none between B and C or E and F. The window is
+//! the slots around the planned position of the rail. So a passage looks the same in every octave,
+//! and what is learned in one is known in all.
 
 use etude_stage::geometry::{WHITE_PITCH, key_lateral};
 
-/// Slots to either side of the rail's planned position: five white keys, more than the outer fingers
-/// reach.
+/// Slots to either side of the rail's planned position: five white keys, more than the outer
+/// fingers reach.
 const SIDE_SLOTS: i32 = 10;
 /// Slots of the window.
 pub const SLOTS: usize = 2 * SIDE_SLOTS as usize + 1;

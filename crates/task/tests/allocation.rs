@@ -1,5 +1,5 @@
-//! The step loop does not allocate on Rust's heap (what MuJoCo does with its own is not seen), asserted by an allocator that
-//! counts.
+//! The step loop does not allocate on Rust's heap (what MuJoCo does with its own is not seen),
+//! asserted by an allocator that counts.
 #![allow(unsafe_code)] // A global allocator is unsafe by its nature; this one hands everything on.
 #![allow(clippy::unwrap_used)] // Helpers of tests are tests too, which clippy.toml does not see.
 

@@ -5,7 +5,7 @@
 //! within it too.
 
 use etude_robot::allegro::FULL_SCALE_PWM;
-use etude_stage::params::Slot;
+use etude_stage::params::ParamId;
 use etude_stage::{JOINT_NAMES, RAIL};
 use toml::{Table, Value};
 
@@ -109,7 +109,7 @@ pub(crate) fn draw(seed: u64) -> Result<Numbers, TwinParamsError> {
             for (joint, name) in JOINT_NAMES.iter().enumerate().take(RAIL) {
                 physics.insert(range.path.replace(".J.", &format!(".{name}.")), Value::Float(number(joint)));
             }
-        } else if Slot::named(range.path).is_ok() {
+        } else if ParamId::named(range.path).is_ok() {
             physics.insert(range.path.to_string(), Value::Float(number(0)));
         } else if range.count > 1 {
             insert(

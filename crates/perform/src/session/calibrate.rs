@@ -9,8 +9,8 @@ use etude_twin::SHOWN_KEYS;
 
 use super::rig_choice::unix_secs;
 
-/// Stores in the rig's calibration that the middle finger is over `key` when the arm is as `shown`. A calibration of another arm is
-/// replaced.
+/// Stores in the rig's calibration that the middle finger is over `key` when the arm is as `shown`.
+/// A calibration of another arm is replaced.
 ///
 /// # Errors
 /// If the file cannot be read or written.

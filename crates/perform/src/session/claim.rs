@@ -1,9 +1,11 @@
 //! The claim on a robot: only one process moves it, and any other can request it to stop.
 //!
-//! Claims and requests belong to the devices that move, not to the rig's file: a copy of the file names the same robot. They are files
-//! in `/tmp/etude`, one for each device, which every user of this machine may write. A program claims the robot before it does anything
-//! else and keeps it until it ends. A request counts for every program that has begun before it, even if the program claims the robot
-//! later: no request is lost. Its file stays, and means nothing to programs that begin after it.
+//! Claims and requests belong to the devices that move, not to the rig's file: a copy of the file
+//! names the same robot. They are files in `/tmp/etude`, one for each device, which every user of
+//! this machine may write. A program claims the robot before it does anything else and keeps it
+//! until it ends. A request counts for every program that has begun before it, even if the program
+//! claims the robot later: no request is lost. Its file stays, and means nothing to programs that
+//! begin after it.
 
 use std::fs::{File, OpenOptions, Permissions};
 use std::io::{Error, ErrorKind, Result};
@@ -50,7 +52,8 @@ impl Beginning {
 
 /// When this process began.
 static BEGAN: OnceLock<Beginning> = OnceLock::new();
-/// Times of files may be this much before the clock. A program that begins after `etude robot stop` has ended begins later than that.
+/// Times of files may be this much before the clock. A program that begins after `etude robot stop`
+/// has ended begins later than that.
 const COARSE: Duration = Duration::from_millis(20);
 /// A request that is further ahead of the clock was made before the clock was set back.
 const AHEAD: Duration = Duration::from_secs(1);
@@ -134,7 +137,8 @@ fn locked(path: &Path) -> Result<File> {
     }
 }
 
-/// Requests every process that controls the robot at `wires`, or has begun and will claim it, to stop it and to end.
+/// Requests every process that controls the robot at `wires`, or has begun and will claim it, to
+/// stop it and to end.
 ///
 /// # Errors
 /// If the files cannot be written.
@@ -193,7 +197,8 @@ mod tests {
         assert!(claim.is_stop_requested());
         drop((claim, other));
 
-        // It counts for a program that had begun before it and claims the robot only now, and for no other.
+        // It counts for a program that had begun before it and claims the robot only now, and for
+        // no other.
         std::thread::sleep(2 * COARSE);
         let after = Beginning::now();
         // The clock was set back after this one had begun, by an hour.

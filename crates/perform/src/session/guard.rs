@@ -1,10 +1,12 @@
-//! The guard: a separate process. It stops the robot when the controller has ended, for example by a panic or by kill -9, or
-//! hangs.
+//! The guard: a separate process. It stops the robot when the controller has ended, for example by
+//! a panic or by kill -9, or hangs.
 //!
-//! The controller sends a byte every 20 ms, and the guard answers each. If no byte arrives for 70 ms, or the connection ends without the
-//! byte for a regular end, the guard stops the robot, and tries again until the robot has confirmed it, also while a controller that hangs
-//! still has its claim. The controller sends the byte for a regular end only after the robot has confirmed that it stands still. If no
-//! answer comes for 50 ms, the guard hangs, and the controller stops the robot. Neither waits for the other.
+//! The controller sends a byte every 20 ms, and the guard answers each. If no byte arrives for 70
+//! ms, or the connection ends without the byte for a regular end, the guard stops the robot, and
+//! tries again until the robot has confirmed it, also while a controller that hangs still has its
+//! claim. The controller sends the byte for a regular end only after the robot has confirmed that
+//! it stands still. If no answer comes for 50 ms, the guard hangs, and the controller stops the
+//! robot. Neither waits for the other.
 
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::os::fd::{AsFd as _, OwnedFd};
@@ -19,11 +21,12 @@ use etude_robot::rig::{RigConfig, WiresConfig};
 use etude_robot::stop::{Stopped, stop};
 
 use super::claim::Claim;
-use super::rig_choice::SessionError;
+use super::error::SessionError;
 
 /// Time between two bytes.
 pub(super) const PERIOD: Duration = Duration::from_millis(20);
-/// Time without a byte after which the guard acts: the hand must have no torque 100 ms after its controller hangs.
+/// Time without a byte after which the guard acts: the hand must have no torque 100 ms after its
+/// controller hangs.
 const SILENCE: Duration = Duration::from_millis(70);
 /// Time without an answer after which the controller acts.
 const ANSWER: Duration = Duration::from_millis(50);
@@ -60,7 +63,8 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// Starts the guard of the rig in the file `rig` (`PROGRAM robot guard`) and waits until it is ready.
+    /// Starts the guard of the rig in the file `rig` (`PROGRAM robot guard`) and waits until it is
+    /// ready.
     ///
     /// # Errors
     /// If it cannot be started, or the file has other devices than `wires`.
@@ -93,7 +97,8 @@ impl Guard {
         command.stdin(OwnedFd::from(theirs)).stdout(Stdio::piped());
         // Ctrl-C in a terminal goes to the whole group, and the guard must outlive the controller.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        // Dropping the command closes this process's copy of the guard's end, so that the end of the guard is seen.
+        // Dropping the command closes this process's copy of the guard's end, so that the end of
+        // the guard is seen.
         command.spawn().map(|child| (line, child))
     }
 
@@ -105,7 +110,8 @@ impl Guard {
         Ok(line.trim_end().strip_prefix(READY).map(str::to_string))
     }
 
-    /// Sends a sign of life if the last one is old; `false` if the guard has ended or hangs. Never waits.
+    /// Sends a sign of life if the last one is old; `false` if the guard has ended or hangs. Never
+    /// waits.
     pub fn beat(&mut self) -> bool {
         let mut answers = [0; 64];
         loop {
@@ -147,8 +153,8 @@ impl Guard {
     }
 }
 
-/// The guard's side: reads the controller's bytes from standard input, which is a socket, answers them there, and stops the robot when
-/// they stop. `None` after a regular end.
+/// The guard's side: reads the controller's bytes from standard input, which is a socket, answers
+/// them there, and stops the robot when they stop. `None` after a regular end.
 ///
 /// # Errors
 /// If standard input cannot be read with a time limit.
@@ -176,7 +182,8 @@ pub fn run_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
     let mut stopped = stop(rig);
     let mut claim = None;
     while !stopped.is_sure() && Instant::now() < until {
-        // A controller that hangs keeps its claim. After it has ended, a new one must not be disturbed, and none may begin meanwhile.
+        // A controller that hangs keeps its claim. After it has ended, a new one must not be
+        // disturbed, and none may begin meanwhile.
         if claim.is_none() && parent_id() != controller {
             claim = Claim::new(&rig.wires).ok();
             if claim.is_none() {

@@ -1,7 +1,9 @@
-//! A robot that is set up to be moved: which rig it is, the claim on it, its guard, and how it is released.
+//! A robot that is set up to be moved: which rig it is, the claim on it, its guard, and how it is
+//! released.
 
 mod calibrate;
 mod claim;
+mod error;
 mod guard;
 mod motor_warmth;
 mod rig_choice;
@@ -10,9 +12,10 @@ mod worker;
 
 pub use calibrate::{pitches_to_show, store_point, try_path};
 pub use claim::{Claim, process_begins, request_stop};
+pub use error::SessionError;
 pub use guard::{Guard, ready, run_guard};
 pub use rig_choice::{
-    RigChoice, SessionError, TWIN, claim, load_calibration, rig_choice, start_guard, start_pose, unix_secs,
+    RigChoice, TWIN, claim, load_calibration, rig_choice, start_guard, start_pose, unix_secs,
 };
 pub use robot_session::{Live, Session, SessionPace};
 

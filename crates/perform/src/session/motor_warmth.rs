@@ -1,4 +1,5 @@
-//! How warm the motors of a hand were when a program ended, for the next program. The file lies beside the claim on the hand.
+//! How warm the motors of a hand were when a program ended, for the next program. The file lies
+//! beside the claim on the hand.
 
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -27,7 +28,8 @@ impl WarmFile {
         Self(file(&can::device(&wires.can), "warm"))
     }
 
-    /// How warm the motors are now, which is `now` on the robot's clock; cold if the file is missing, damaged or from the future.
+    /// How warm the motors are now, which is `now` on the robot's clock; cold if the file is
+    /// missing, damaged or from the future.
     pub fn read(&self, now: Duration) -> MotorHeat {
         self.read_at(now, SystemTime::now()).unwrap_or_default()
     }
@@ -40,7 +42,8 @@ impl WarmFile {
         MotorHeat::new(now, then.joints(age))
     }
 
-    /// Keeps how warm the motors are at `now`. Without the file, the next program takes them for cold.
+    /// Keeps how warm the motors are at `now`. Without the file, the next program takes them for
+    /// cold.
     pub fn write(&self, now: Duration, motor_heat: &MotorHeat) {
         self.write_at(motor_heat.joints(now), SystemTime::now());
     }

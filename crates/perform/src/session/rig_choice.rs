@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::claim::Claim;
+use super::error::SessionError;
 use super::guard::Guard;
 use super::motor_warmth::WarmFile;
 use super::robot_session::{Live, Session, SessionPace};
@@ -14,9 +15,9 @@ use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
 use etude_robot::rig::{RigConfig, RigError, WiresConfig};
 use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
-use etude_robot::{Robot, RobotError, propose_fence};
+use etude_robot::{Robot, propose_fence};
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams, Side, StageConfig, StageError, World};
-use etude_twin::{Lockstep, Twin, TwinError, TwinParams, calibration, stage_side};
+use etude_twin::{Lockstep, TwinParams, Twin, TwinError, calibration, stage_side};
 
 /// Name of the twin on the command line and in recordings.
 pub const TWIN: &str = "twin";
@@ -24,7 +25,7 @@ pub const TWIN: &str = "twin";
 /// A robot to play on.
 #[derive(Clone, Debug)]
 pub enum RigChoice {
-    /// A twin with this parameter set, in lockstep.
+    /// A twin with this twin_params, in lockstep.
     Twin(Box<TwinParams>),
     /// The rig that this file describes.
     File {
@@ -37,79 +38,6 @@ pub enum RigChoice {
     },
 }
 
-/// The rig cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum SessionError {
-    /// Its file is not valid.
-    #[error(transparent)]
-    Rig(#[from] RigError),
-    /// The keyboard's place is not known well enough.
-    #[error(transparent)]
-    Calibration(#[from] CalibrationError),
-    /// A wire cannot be opened, or a setting is not valid.
-    #[error(transparent)]
-    Robot(#[from] RobotError),
-    /// The twin cannot be made.
-    #[error(transparent)]
-    Twin(#[from] TwinError),
-    /// It is in use.
-    #[error("cannot claim the rig {rig}: {source}")]
-    Claimed {
-        /// Its name.
-        rig: String,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// Nothing bounds where the arm may go.
-    #[error(
-        "the rig {rig} has no box for its arm, which nothing else would keep away from people and walls. This one holds the keyboard and \
-         the way to it; look at it, then write it into the rig's file under [arm]: {line}"
-    )]
-    NoFence {
-        /// The rig's name.
-        rig: String,
-        /// A box that fits.
-        line: String,
-    },
-    /// Another process has requested to stop it.
-    #[error(
-        "the robot was stopped by `etude robot stop` while this program was getting ready: start it again"
-    )]
-    Stopped,
-    /// The guard, which stops the robot if this process ends, cannot be started.
-    #[error(
-        "the guard of the robot cannot be started: {0}; remove the cause or end other programs, then repeat the command"
-    )]
-    Guard(std::io::Error),
-    /// The rig's file names other devices than when this program read it.
-    #[error(
-        "{file} was changed since this command began, so the guard would stop another robot ({theirs}) than the one in use ({ours}); \
-         put the file back, or start the command again"
-    )]
-    OtherDevices {
-        /// The rig's file.
-        file: String,
-        /// The devices that the file names now.
-        theirs: String,
-        /// The devices of this program.
-        ours: String,
-    },
-    /// The thread of the policy cannot be started.
-    #[error("the thread of the policy cannot be started: {0}; end other programs, then repeat the command")]
-    Worker(#[from] rayon::ThreadPoolBuildError),
-    /// The rig has the other hand.
-    #[error(
-        "the policy plays with the {policy:?} hand, and the rig has the {rig} one; name another policy with --policy, or train one with \
-         --set task.stage.side={rig}"
-    )]
-    Side {
-        /// The hand that the policy was trained with.
-        policy: Side,
-        /// The hand of the rig.
-        rig: HandSide,
-    },
-}
-
 impl RigChoice {
     /// The rig's name.
     pub fn name(&self) -> &str {
@@ -119,7 +47,7 @@ impl RigChoice {
         }
     }
 
-    /// Its name; of a twin with its parameters.
+    /// Its name; of a twin with its twin_params.
     pub fn label(&self) -> String {
         match self {
             Self::Twin(twin_params) => format!("{TWIN} ({})", twin_params.name()),
@@ -148,8 +76,8 @@ impl RigChoice {
         matches!(self, Self::Twin(_))
     }
 
-    /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin parameters; `side` is the hand that the
-    /// policy plays with.
+    /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin's twin_params; `side` is
+    /// the hand that the policy plays with.
     ///
     /// # Errors
     /// If the rig's file, its calibration or its wires cannot be used.
@@ -235,7 +163,8 @@ pub fn claim(rig: &RigConfig) -> Result<Claim, SessionError> {
     Claim::new(&rig.wires).map_err(|source| SessionError::Claimed { rig: rig.name.clone(), source })
 }
 
-/// Starts the guard of the rig in the file `rig`, which stops the robot at `wires` if this process ends or hangs.
+/// Starts the guard of the rig in the file `rig`, which stops the robot at `wires` if this process
+/// ends or hangs.
 ///
 /// # Errors
 /// If it cannot be started, or the file has other devices by now.
@@ -256,10 +185,11 @@ fn hand_side(side: Side) -> HandSide {
     }
 }
 
-/// The rig that `--robot` names: `twin`, or a file, whose robot is claimed. To be called before any long work.
+/// The rig that `--robot` names: `twin`, or a file, whose robot is claimed. To be called before any
+/// long work.
 ///
 /// # Errors
-/// If another process has the robot, or the parameter set of the twin or the rig's file is not valid.
+/// If another process has the robot, or the twin_params of the twin or the rig's file is not valid.
 pub fn rig_choice(robot: &str, twin_params: &str) -> Result<RigChoice, SessionError> {
     if robot == TWIN {
         return Ok(RigChoice::Twin(Box::new(TwinParams::load(twin_params).map_err(TwinError::from)?)));

@@ -1,4 +1,5 @@
-//! A robot with its controller and its clock. When the stand is dropped, the hand is released and the arm is stopped.
+//! A robot with its controller and its clock. When the stand is dropped, the hand is released and
+//! the arm is stopped.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -86,7 +87,8 @@ impl Live {
 }
 
 impl Session {
-    /// Brings the robot up and holds it still for `time`. Returns the fault if the robot stopped itself meanwhile.
+    /// Brings the robot up and holds it still for `time`. Returns the fault if the robot stopped
+    /// itself meanwhile.
     ///
     /// # Errors
     /// If the robot does not get ready.
@@ -176,7 +178,8 @@ impl Pace for SessionPace {
         }
     }
 
-    /// The work has a thread of its own, so that it does not hold up the hand's loop. If it hangs, the robot stops because no command comes.
+    /// The work has a thread of its own, so that it does not hold up the hand's loop. If it hangs,
+    /// the robot stops because no command comes.
     fn run_while(&mut self, robot: &mut Robot, work: &mut (dyn FnMut() + Send)) {
         let Self::Live(live) = self else { return work() };
         let worker = live.worker.clone();

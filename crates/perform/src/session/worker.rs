@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use etude_robot::priority::{Priority, Rank};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
-/// One thread, kept from one control step to the next: a new thread has normal priority until it runs for the first time, and on a busy machine
-/// that took up to 145 ms.
+/// One thread, kept from one control step to the next: a new thread has normal priority until it
+/// runs for the first time, and on a busy machine that took up to 145 ms.
 #[derive(Debug)]
 pub struct Worker(ThreadPool);
 
@@ -23,7 +23,8 @@ impl Worker {
         ThreadPoolBuilder::new().num_threads(1).start_handler(raise).build().map(Self)
     }
 
-    /// Does `work` there and calls `meanwhile` here until it is done. A panic of the work is one of the caller.
+    /// Does `work` there and calls `meanwhile` here until it is done. A panic of the work is one of
+    /// the caller.
     pub fn run(&self, work: &mut (dyn FnMut() + Send), mut meanwhile: impl FnMut()) {
         /// Says so also after a panic.
         struct Done<'a>(&'a AtomicBool);

@@ -48,7 +48,8 @@ pub fn with_rig<T>(
     })
 }
 
-/// Calls `use_robot` with the controller of a twin that is switched off, the twin, and the pose in which performances begin.
+/// Calls `use_robot` with the controller of a twin that is switched off, the twin, and the pose in
+/// which performances begin.
 pub fn with_robot<T>(
     twin_params: &TwinParams,
     task: &TaskConfig,

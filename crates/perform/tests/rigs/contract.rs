@@ -1,5 +1,5 @@
-//! What every rig promises: it begins in the starting pose, follows targets, shows the keys that it presses, reports them as
-//! events, and ends as it was asked to.
+//! What every rig promises: it begins in the starting pose, follows targets, shows the keys that it
+//! presses, reports them as events, and ends as it was asked to.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -162,7 +162,8 @@ fn a_robot_that_stops_itself_ends_with_its_fault_and_the_recording_is_whole() {
     let folder = tempfile::tempdir().unwrap();
     for mode in Mode::ALL {
         let (task, piece) = (task(), piece());
-        // Starting and homing take some ten seconds; the fault comes in the middle of the piece or a little before.
+        // Starting and homing take some ten seconds; the fault comes in the middle of the piece or
+        // a little before.
         let fault: OrderedFault = "can-silent@11.5".parse().unwrap();
         let twin_params = twin_params().with_faults(&[fault]).unwrap();
         let mut script = ScriptedBaseline::new(&task, &piece).unwrap();

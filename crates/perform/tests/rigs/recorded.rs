@@ -10,7 +10,8 @@ use etude_twin::OrderedFault;
 use crate::bench::with_robot;
 use crate::contract::{piece, task, twin_params};
 
-/// The order of the messages of a recording: notes, and whether the hand was reported with or without torque.
+/// The order of the messages of a recording: notes, and whether the hand was reported with or
+/// without torque.
 fn order(path: &Path) -> Vec<String> {
     let bytes = std::fs::read(path).unwrap();
     let mut lines: Vec<String> = Vec::new();
@@ -35,7 +36,8 @@ fn order(path: &Path) -> Vec<String> {
     lines
 }
 
-/// The hand is recorded from its start to the second after its release, whose periods are no part of the timing.
+/// The hand is recorded from its start to the second after its release, whose periods are no part
+/// of the timing.
 #[test]
 fn a_recording_shows_the_hand_before_it_holds_and_after_a_fault() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,11 +1,11 @@
-//! Performances in simulation. From presses to scores: a performance that is what was due scores one, and
-//! what is missing costs what the paper's measure says.
+//! Performances in simulation. From presses to scores: a performance that is what was due scores
+//! one, and what is missing costs what the paper's measure says.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use etude_learn::{Evaluator as _, Score};
-use etude_music::{CONTROL_HZ, KeyEvent, KeySet, Note, Part, Song, melody, repertoire};
+use etude_music::{CONTROL_HZ, KeyEvent, KeySet, Note, Split, Song, melody, repertoire};
 use etude_perform::{Ending, Performance, SimRig, SongEvaluator, perform};
 use etude_stage::hand::{TIP_RADIUS, root_lateral};
 use etude_stage::{PhysicalParams, RAIL, World, kinematics};
@@ -190,9 +190,9 @@ fn learned_pieces_are_scored_beside_those_of_the_validation() {
         let notes = song.notes().iter().filter(|note| note.end_secs < 2.5).copied().collect();
         Song::new(song.title(), notes, 0.0).unwrap()
     };
-    let of = |part, count| (0..).filter(move |seed| short(*seed).part() == part).take(count);
+    let of = |part, count| (0..).filter(move |seed| short(*seed).split() == part).take(count);
     let folder = tempfile::tempdir().unwrap();
-    for seed in of(Part::Training, 3).chain(of(Part::Validation, 2)) {
+    for seed in of(Split::Training, 3).chain(of(Split::Validation, 2)) {
         short(seed).save(folder.path().join(format!("{seed:03}.mid"))).unwrap();
     }
     let config = CorpusConfig { folder: Some(folder.path().to_path_buf()), validation_pieces: 2 };

@@ -1,4 +1,5 @@
-//! Which rig each column of the observation comes from, in each execution mode (paper, appendix "Execution Modes").
+//! Which rig each column of the observation comes from, in each execution mode (paper, appendix
+//! "Execution Modes").
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -28,8 +29,9 @@ impl Seen {
     }
 }
 
-/// The observations of a performance in `mode`; where the robot was sent in each control step, with the keys of the simulation that sent
-/// it there, if one did; what the robot measured after each; the piece and who played it.
+/// The observations of a performance in `mode`; where the robot was sent in each control step, with
+/// the keys of the simulation that sent it there, if one did; what the robot measured after each;
+/// the piece and who played it.
 fn observed(
     mode: Mode,
     rail_set_point: bool,
@@ -61,7 +63,8 @@ fn observed(
 
     let recording = Recording::read(&file).unwrap();
     let robot = recording.steps.iter().map(|step| Seen::new(&step.positions, step.pressed.iter().copied()));
-    // The robot is sent where the simulation's joints are: the last way-point is their position at the end of the step.
+    // The robot is sent where the simulation's joints are: the last way-point is their position at
+    // the end of the step.
     let simulated = recording.steps.iter().enumerate().map(|(index, step)| {
         let keys = played.simulated.get(index).copied().unwrap_or_default();
         Seen::new(&step.targets, keys.pitches())
@@ -112,7 +115,8 @@ fn each_column_comes_from_the_rig_that_the_mode_names() {
     }
 }
 
-/// Where a robot was sent and where a slow arm is differ, and only the rail is shown where it was sent.
+/// Where a robot was sent and where a slow arm is differ, and only the rail is shown where it was
+/// sent.
 #[test]
 fn the_rails_set_point_is_shown_if_the_task_says_so() {
     let folder = tempfile::tempdir().unwrap();

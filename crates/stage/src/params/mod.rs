@@ -1,8 +1,9 @@
-//! `PhysicalParams`: the list of all physical numbers that may vary.
+//! `PhysicalParams`: the list of all physical parameters that may vary.
 //!
-//! The model is built from it, randomisation draws from it, identification estimates it, and configurations and reports name its
-//! rows. A number has a path such as `key.stiffness` or `joint.index_1.damping`. To add one: a row in one of the two tables of
-//! `table.rs`, and its use where the world is built or stepped.
+//! The model is built from it, randomisation draws from it, identification estimates it, and
+//! configurations and reports name its rows. A parameter has a path such as `key.stiffness` or
+//! `joint.index_1.damping`. To add one: a row in one of the two tables of `table.rs`, and its use
+//! where the world is built or stepped.
 
 mod table;
 
@@ -11,9 +12,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::hand::DRIVEN_JOINTS;
-pub use table::{JointRow, ParamError, Row, Slot, WorldRow};
+pub use table::{JointRow, ParamError, ParamId, ParamRow, WorldRow};
 
-/// The physical numbers of one world.
+/// The physical parameters of one world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhysicalParams {
     world: [f64; WorldRow::ALL.len()],
@@ -24,88 +25,90 @@ impl Default for PhysicalParams {
     fn default() -> Self {
         let mut params =
             Self { world: [0.0; WorldRow::ALL.len()], joints: [[0.0; DRIVEN_JOINTS]; JointRow::ALL.len()] };
-        Slot::all().for_each(|slot| *params.slot_mut(slot) = slot.default_value());
+        ParamId::all().for_each(|id| *params.value_mut(id) = id.default_value());
         params
     }
 }
 
 impl PhysicalParams {
-    /// A number of the world.
+    /// A parameter of the world.
     pub fn world(&self, row: WorldRow) -> f64 {
-        self.value(Slot::World(row))
+        self.value(ParamId::World(row))
     }
 
-    /// A number of one joint.
+    /// A parameter of one joint.
     pub fn joint(&self, row: JointRow, index: usize) -> f64 {
-        self.value(Slot::Joint(row, index))
+        self.value(ParamId::Joint(row, index))
     }
 
-    /// The number in `slot`.
-    pub fn value(&self, slot: Slot) -> f64 {
-        match slot {
-            Slot::World(row) => self.world[row as usize],
-            Slot::Joint(row, joint) => self.joints[row as usize][joint],
+    /// The parameter in `id`.
+    pub fn value(&self, id: ParamId) -> f64 {
+        match id {
+            ParamId::World(row) => self.world[row as usize],
+            ParamId::Joint(row, joint) => self.joints[row as usize][joint],
         }
     }
 
-    /// Sets a number of the world, clamped to its range.
+    /// Sets a parameter of the world, clamped to its range.
     pub fn set_world(&mut self, row: WorldRow, value: f64) {
-        self.set_clamped(Slot::World(row), value);
+        self.set_clamped(ParamId::World(row), value);
     }
 
-    /// Sets a number of one joint, clamped to its range.
+    /// Sets a parameter of one joint, clamped to its range.
     pub fn set_joint(&mut self, row: JointRow, index: usize, value: f64) {
-        self.set_clamped(Slot::Joint(row, index), value);
+        self.set_clamped(ParamId::Joint(row, index), value);
     }
 
-    /// Sets the number in `slot`, clamped to its range.
-    pub fn set_clamped(&mut self, slot: Slot, value: f64) {
-        let [low, high] = slot.row().range;
-        *self.slot_mut(slot) = value.clamp(low, high);
+    /// Sets the parameter in `id`, clamped to its range.
+    pub fn set_clamped(&mut self, id: ParamId, value: f64) {
+        let [low, high] = id.row().range;
+        *self.value_mut(id) = value.clamp(low, high);
     }
 
-    fn slot_mut(&mut self, slot: Slot) -> &mut f64 {
-        match slot {
-            Slot::World(row) => &mut self.world[row as usize],
-            Slot::Joint(row, joint) => &mut self.joints[row as usize][joint],
+    fn value_mut(&mut self, id: ParamId) -> &mut f64 {
+        match id {
+            ParamId::World(row) => &mut self.world[row as usize],
+            ParamId::Joint(row, joint) => &mut self.joints[row as usize][joint],
         }
     }
 
-    /// Checks that every number lies in the range of its row, which is not sure for numbers that were deserialised.
+    /// Checks that every parameter lies in the range of its row, which is not sure for numbers that
+    /// were deserialised.
     ///
     /// # Errors
-    /// Names the first number that does not.
+    /// Names the first one that does not.
     pub fn check(&self) -> Result<(), ParamError> {
-        Slot::all().try_for_each(|slot| slot.check(self.value(slot), || slot.path()))
+        ParamId::all().try_for_each(|id| id.check(self.value(id), || id.path()))
     }
 
     /// Every path with its row and default, in a fixed order. The unit is that of the joint.
-    pub fn rows() -> impl Iterator<Item = (String, Row, f64)> {
-        Slot::all().map(|slot| (slot.path(), Row { unit: slot.unit(), ..*slot.row() }, slot.default_value()))
+    pub fn rows() -> impl Iterator<Item = (String, ParamRow, f64)> {
+        ParamId::all().map(|id| (id.path(), ParamRow { unit: id.unit(), ..*id.row() }, id.default_value()))
     }
 
-    /// The number at `path`; of several, the first.
+    /// The parameter at `path`; of several, the first.
     ///
     /// # Errors
-    /// If no number has this path.
+    /// If no parameter has this path.
     pub fn get(&self, path: &str) -> Result<f64, ParamError> {
-        Ok(self.value(Slot::named(path)?[0]))
+        Ok(self.value(ParamId::named(path)?[0]))
     }
 
-    /// Sets the number at `path`; `joint.all.<name>` and `joint.fingers.<name>` set several joints at once.
+    /// Sets the parameter at `path`; `joint.all.<name>` and `joint.fingers.<name>` set several
+    /// joints at once.
     ///
     /// # Errors
-    /// If no number has this path, or `value` is not in its range.
+    /// If no parameter has this path, or `value` is not in its range.
     pub fn set(&mut self, path: &str, value: f64) -> Result<(), ParamError> {
-        for slot in Slot::named(path)? {
-            slot.check(value, || path.to_string())?;
-            *self.slot_mut(slot) = value;
+        for id in ParamId::named(path)? {
+            id.check(value, || path.to_string())?;
+            *self.value_mut(id) = value;
         }
         Ok(())
     }
 
-    /// The same with other values at these paths. They are set in ascending order of the paths, so that the path of one joint
-    /// takes precedence over that of all fingers.
+    /// The same with other values at these paths. They are set in ascending order of the paths, so
+    /// that the path of one joint takes precedence over that of all fingers.
     ///
     /// # Errors
     /// Names the first path or value that is refused.

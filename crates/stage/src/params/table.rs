@@ -1,16 +1,18 @@
-//! The tables of physical numbers: paths, units, defaults with their sources, ranges.
+//! The tables of physical parameters: paths, units, defaults with their sources, ranges.
 //!
-//! Sources: *RoboPianist* is github.com/google-research/robopianist; *lasr-lab/learning-to-play-piano* on GitHub is the code that
-//! the paper's authors published with its first version (arXiv 2503.15481v1).
+//! Sources: *RoboPianist* is github.com/google-research/robopianist;
+//! *lasr-lab/learning-to-play-piano* on GitHub is the code that the paper's authors published with
+//! its first version (arXiv 2503.15481v1).
 
 use crate::hand::{DRIVEN_JOINTS, JOINT_NAMES, JOINTS_PER_FINGER, RAIL};
 
 /// One row of a table: what is known about a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct ParamRow {
     /// Last part of the path.
     pub name: &'static str,
-    /// Unit; for a joint row that of a finger joint (the rail has N and m where a finger has N·m and rad).
+    /// Unit; for a joint row that of a finger joint (the rail has N and m where a finger has N·m
+    /// and rad).
     pub unit: &'static str,
     /// Default; for a joint row that of a finger joint.
     pub default: f64,
@@ -27,12 +29,12 @@ macro_rules! rows {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum $name { $($(#[$vdoc])* $variant,)* }
-        const $table: &[Row] = &[$($row,)*];
+        const $table: &[ParamRow] = &[$($row,)*];
         impl $name {
             /// Every row of the table.
             pub const ALL: &'static [$name] = &[$($name::$variant,)*];
             /// Its row.
-            pub fn row(self) -> &'static Row { &$table[self as usize] }
+            pub fn row(self) -> &'static ParamRow { &$table[self as usize] }
         }
     };
 }
@@ -43,8 +45,8 @@ const fn row(
     default: f64,
     range: [f64; 2],
     doc: &'static str,
-) -> Row {
-    Row { name, unit, default, rail_default: default, range, doc }
+) -> ParamRow {
+    ParamRow { name, unit, default, rail_default: default, range, doc }
 }
 
 const fn joint(
@@ -54,12 +56,12 @@ const fn joint(
     rail_default: f64,
     range: [f64; 2],
     doc: &'static str,
-) -> Row {
-    Row { name, unit, default, rail_default, range, doc }
+) -> ParamRow {
+    ParamRow { name, unit, default, rail_default, range, doc }
 }
 
 rows! {
-    /// Numbers of the keyboard and of the hand as a whole.
+    /// Parameters of the keyboard and of the hand as a whole.
     WorldRow, WORLD_ROWS {
         /// Height of the keyboard.
         KeyboardHeight = row("keyboard.height", "m", 0.0, [-0.03, 0.03],
@@ -104,7 +106,7 @@ rows! {
 }
 
 rows! {
-    /// Numbers that every driven joint has.
+    /// Parameters of every driven joint.
     JointRow, JOINT_ROWS {
         /// Proportional gain.
         Stiffness = joint("stiffness", "N·m/rad", 3.0, 20_000.0, [0.0, 50_000.0],
@@ -150,35 +152,36 @@ rows! {
     }
 }
 
-/// Torque limits of the four joints of a finger, N·m: 375, 675, 450 and 285 of 1200 PWM counts, the clamps of
-/// simlabrobotics/allegro_hand_ros_v4.
+/// Torque limits of the four joints of a finger, N·m: 375, 675, 450 and 285 of 1200 PWM counts, the
+/// clamps of simlabrobotics/allegro_hand_ros_v4.
 const FINGER_TORQUE_LIMITS: [f64; JOINTS_PER_FINGER] = [0.3125, 0.5625, 0.375, 0.2375];
 
-/// One number: a row of the world, or of one joint.
+/// One parameter: a row of the world, or of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Slot {
-    /// A number of the world.
+pub enum ParamId {
+    /// A parameter of the world.
     World(WorldRow),
-    /// A number of the joint with this index.
+    /// A parameter of the joint with this index.
     Joint(JointRow, usize),
 }
 
-impl Slot {
-    /// Every number, in a fixed order: the world's, then row by row those of all joints.
-    pub fn all() -> impl Iterator<Item = Slot> {
+impl ParamId {
+    /// Every parameter, in a fixed order: the world's, then row by row those of all joints.
+    pub fn all() -> impl Iterator<Item = ParamId> {
         let joints =
-            JointRow::ALL.iter().flat_map(|row| (0..DRIVEN_JOINTS).map(|joint| Slot::Joint(*row, joint)));
-        WorldRow::ALL.iter().map(|row| Slot::World(*row)).chain(joints)
+            JointRow::ALL.iter().flat_map(|row| (0..DRIVEN_JOINTS).map(|joint| ParamId::Joint(*row, joint)));
+        WorldRow::ALL.iter().map(|row| ParamId::World(*row)).chain(joints)
     }
 
-    /// The numbers that `path` names: one, or several where it is `joint.all.<name>` or `joint.fingers.<name>`.
+    /// The parameters that `path` names: one, or several where it is `joint.all.<name>` or
+    /// `joint.fingers.<name>`.
     ///
     /// # Errors
-    /// If no number has this path.
-    pub fn named(path: &str) -> Result<Vec<Slot>, ParamError> {
+    /// If no parameter has this path.
+    pub fn named(path: &str) -> Result<Vec<ParamId>, ParamError> {
         let unknown = || ParamError::Unknown(path.to_string());
         if let Some(row) = WorldRow::ALL.iter().find(|row| row.row().name == path) {
-            return Ok(vec![Slot::World(*row)]);
+            return Ok(vec![ParamId::World(*row)]);
         }
         let (who, name) =
             path.strip_prefix("joint.").and_then(|rest| rest.split_once('.')).ok_or_else(unknown)?;
@@ -189,37 +192,37 @@ impl Slot {
             name => JOINT_NAMES[*joint] == name,
         };
         let slots: Vec<_> =
-            (0..DRIVEN_JOINTS).filter(is_named).map(|joint| Slot::Joint(*row, joint)).collect();
+            (0..DRIVEN_JOINTS).filter(is_named).map(|joint| ParamId::Joint(*row, joint)).collect();
         if slots.is_empty() { Err(unknown()) } else { Ok(slots) }
     }
 
     /// Its path, such as `key.stiffness` or `joint.index_1.damping`.
     pub fn path(self) -> String {
         match self {
-            Slot::World(row) => row.row().name.to_string(),
-            Slot::Joint(row, joint) => format!("joint.{}.{}", JOINT_NAMES[joint], row.row().name),
+            ParamId::World(row) => row.row().name.to_string(),
+            ParamId::Joint(row, joint) => format!("joint.{}.{}", JOINT_NAMES[joint], row.row().name),
         }
     }
 
     /// Its row.
-    pub fn row(self) -> &'static Row {
+    pub fn row(self) -> &'static ParamRow {
         match self {
-            Slot::World(row) => row.row(),
-            Slot::Joint(row, _) => row.row(),
+            ParamId::World(row) => row.row(),
+            ParamId::Joint(row, _) => row.row(),
         }
     }
 
     /// Its unit. The table has those of a finger joint.
     pub fn unit(self) -> &'static str {
         match (self, self.row().unit) {
-            (Slot::Joint(_, RAIL), "N·m/rad") => "N/m",
-            (Slot::Joint(_, RAIL), "N·m·s/rad") => "N·s/m",
-            (Slot::Joint(_, RAIL), "N·m") => "N",
-            (Slot::Joint(_, RAIL), "kg·m²") => "kg",
-            (Slot::Joint(_, RAIL), "rad") => "m",
-            (Slot::Joint(_, RAIL), "rad/s") => "m/s",
-            (Slot::Joint(_, RAIL), "rad/s²") => "m/s²",
-            (Slot::Joint(_, RAIL), "rad/s³") => "m/s³",
+            (ParamId::Joint(_, RAIL), "N·m/rad") => "N/m",
+            (ParamId::Joint(_, RAIL), "N·m·s/rad") => "N·s/m",
+            (ParamId::Joint(_, RAIL), "N·m") => "N",
+            (ParamId::Joint(_, RAIL), "kg·m²") => "kg",
+            (ParamId::Joint(_, RAIL), "rad") => "m",
+            (ParamId::Joint(_, RAIL), "rad/s") => "m/s",
+            (ParamId::Joint(_, RAIL), "rad/s²") => "m/s²",
+            (ParamId::Joint(_, RAIL), "rad/s³") => "m/s³",
             (_, unit) => unit,
         }
     }
@@ -227,8 +230,8 @@ impl Slot {
     /// Its default.
     pub fn default_value(self) -> f64 {
         match self {
-            Slot::Joint(row, RAIL) => row.row().rail_default,
-            Slot::Joint(JointRow::TorqueLimit, joint) => FINGER_TORQUE_LIMITS[joint % JOINTS_PER_FINGER],
+            ParamId::Joint(row, RAIL) => row.row().rail_default,
+            ParamId::Joint(JointRow::TorqueLimit, joint) => FINGER_TORQUE_LIMITS[joint % JOINTS_PER_FINGER],
             _ => self.row().default,
         }
     }
@@ -236,7 +239,7 @@ impl Slot {
     /// # Errors
     /// If `value` is not in the row's range; the message names `path`.
     pub(super) fn check(self, value: f64, path: impl FnOnce() -> String) -> Result<(), ParamError> {
-        let (Row { range: [low, high], .. }, unit) = (*self.row(), self.unit());
+        let (ParamRow { range: [low, high], .. }, unit) = (*self.row(), self.unit());
         if (low..=high).contains(&value) {
             return Ok(());
         }
@@ -268,6 +271,6 @@ pub enum ParamError {
 
 /// Rows that a mistyped path may mean.
 fn meant(path: &str) -> String {
-    let paths: Vec<String> = super::PhysicalParams::rows().map(|(path, ..)| path).collect();
+    let paths: Vec<String> = ParamId::all().map(ParamId::path).collect();
     etude_music::did_you_mean(path, paths.iter().map(String::as_str))
 }

@@ -1,9 +1,10 @@
-//! Where joints, keys and geoms are in the MuJoCo model: names are resolved to ids once, when a world is built.
+//! Where joints, keys and geoms are in the MuJoCo model: names are resolved to ids once, when a
+//! world is built.
 
 use etude_music::KEY_COUNT;
 use mujoco_rs::prelude::{MjModel, MjtObjBase};
 
-use crate::contacts::Part;
+use crate::contacts::ContactPart;
 use crate::error::StageError;
 use crate::hand::{DRIVEN_JOINTS, FINGER_NAMES, FINGERS, JOINT_NAMES};
 
@@ -19,7 +20,7 @@ pub(super) struct Layout {
     pub joint_dof: [usize; DRIVEN_JOINTS],
     pub tip_site: [usize; FINGERS],
     pub pad_site: [usize; FINGERS],
-    pub geom_part: Vec<Part>,
+    pub geom_part: Vec<ContactPart>,
 }
 
 fn id(model: &MjModel, kind: MjtObjBase, name: &str) -> Result<usize, StageError> {
@@ -28,7 +29,8 @@ fn id(model: &MjModel, kind: MjtObjBase, name: &str) -> Result<usize, StageError
 
 impl Layout {
     pub(super) fn new(model: &MjModel) -> Result<Self, StageError> {
-        // Every joint has one degree of freedom, so joint id, position and velocity address are one number.
+        // Every joint has one degree of freedom, so joint id, position and velocity address are one
+        // number.
         let dof = |name: &str| id(model, MjtObjBase::mjOBJ_JOINT, name);
         let mut layout = Self {
             keyboard: id(model, MjtObjBase::mjOBJ_BODY, "keyboard")?,
@@ -40,7 +42,7 @@ impl Layout {
             joint_dof: [0; DRIVEN_JOINTS],
             tip_site: [0; FINGERS],
             pad_site: [0; FINGERS],
-            geom_part: vec![Part::OtherLink; model.geom_friction().len()],
+            geom_part: vec![ContactPart::OtherLink; model.geom_friction().len()],
         };
         for key in 0..KEY_COUNT {
             layout.key_dof[key] = dof(&format!("key_{key}"))?;
@@ -58,7 +60,7 @@ impl Layout {
         }
         for geom in 0..layout.geom_part.len() {
             let name = model.id_to_name(MjtObjBase::mjOBJ_GEOM, geom).unwrap_or_default();
-            layout.geom_part[geom] = Part::of(name);
+            layout.geom_part[geom] = ContactPart::of(name);
         }
         Ok(layout)
     }

@@ -1,7 +1,8 @@
 //! The world: MuJoCo's model and data, with the joint controllers and the keys.
 //!
-//! Read in this order: this file builds a world, changes its physical numbers and puts it into a pose; `step` advances it;
-//! `readings` reads it; `snapshot` saves and restores it; `layout` has the ids of everything in the MuJoCo model.
+//! Read in this order: this file builds a world, changes its physical numbers and puts it into a
+//! pose; `step` advances it; `readings` reads it; `snapshot` saves and restores it; `layout` has
+//! the ids of everything in the MuJoCo model.
 #![allow(unsafe_code)] // MuJoCo's model is changed in place (physical numbers); see the use.
 
 mod layout;
@@ -116,7 +117,8 @@ impl World {
         Ok(world)
     }
 
-    /// Changes the physical numbers without rebuilding the model. They take full effect with the next [`reset`](Self::reset).
+    /// Changes the physical numbers without rebuilding the model. They take full effect with the
+    /// next [`reset`](Self::reset).
     pub fn set_params(&mut self, params: &PhysicalParams) {
         let step = self.options.step_secs;
         let value = |quantity| params.world(quantity);
@@ -148,19 +150,21 @@ impl World {
             model.dof_frictionloss_mut()[dof] = params.joint(JointRow::Friction, joint);
             model.dof_armature_mut()[dof] = params.joint(JointRow::Armature, joint);
         }
-        // MuJoCo derives constants from the inertias, such as the scaling of contacts: compute them again.
+        // MuJoCo derives constants from the inertias, such as the scaling of contacts: compute them
+        // again.
         self.data.set_const();
         self.params = params.clone();
     }
 
-    /// Resets to the starting pose: keys at rest, the hand over the keyboard, its fingers bent above the white keys.
+    /// Resets to the starting pose: keys at rest, the hand over the keyboard, its fingers bent
+    /// above the white keys.
     pub fn reset(&mut self) {
         let pose = self.start_pose_true();
         self.reset_to(&pose);
     }
 
-    /// Resets with the joints at `pose` and the keys up. `pose` holds true positions (rad, the rail in m), which are clamped to
-    /// the joints' ranges.
+    /// Resets with the joints at `pose` and the keys up. `pose` holds true positions (rad, the rail
+    /// in m), which are clamped to the joints' ranges.
     pub fn reset_to(&mut self, pose: &[f64; DRIVEN_JOINTS]) {
         self.data.reset();
         for (joint, position) in pose.iter().enumerate() {
@@ -183,8 +187,9 @@ impl World {
         self.strikes.clear();
     }
 
-    /// Puts the world into a pose in which nothing moves: the joints at these encoder readings (rad, the rail in m), the keys of
-    /// `down` pressed to their lower stops, the others at rest. Used to show or to evaluate a moment of a recording.
+    /// Puts the world into a pose in which nothing moves: the joints at these encoder readings
+    /// (rad, the rail in m), the keys of `down` pressed to their lower stops, the others at rest.
+    /// Used to show or to evaluate a moment of a recording.
     pub fn pose(&mut self, readings: &[f64; DRIVEN_JOINTS], down: KeySet) {
         let bias = |joint: usize| self.gains[joint].measured(0.0);
         let pose: [f64; DRIVEN_JOINTS] = std::array::from_fn(|joint| readings[joint] - bias(joint));
@@ -227,7 +232,8 @@ impl World {
         pose
     }
 
-    /// The starting pose in encoder readings (rad, the rail in m). As targets they hold the hand still.
+    /// The starting pose in encoder readings (rad, the rail in m). As targets they hold the hand
+    /// still.
     pub fn start_pose(&self) -> [f64; DRIVEN_JOINTS] {
         let pose = self.start_pose_true();
         std::array::from_fn(|joint| self.gains[joint].measured(pose[joint]))

@@ -20,7 +20,8 @@ impl World {
         self.layout.joint_dof.map(|dof| self.data.qpos()[dof])
     }
 
-    /// Set-points of the joints' controllers, before their delays, as encoder readings: rad, the rail in m.
+    /// Set-points of the joints' controllers, before their delays, as encoder readings: rad, the
+    /// rail in m.
     pub fn set_points(&self) -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| self.controllers[joint].set_point())
     }
@@ -35,12 +36,14 @@ impl World {
         &self.torques
     }
 
-    /// Keys that sound: down past their threshold, and since then not risen above where they are silent.
+    /// Keys that sound: down past their threshold, and since then not risen above where they are
+    /// silent.
     pub fn pressed(&self) -> KeySet {
         self.pressed
     }
 
-    /// How far a key is down, as a fraction of its travel: 0 at rest, 1 at the lower stop, below 0 while it rebounds.
+    /// How far a key is down, as a fraction of its travel: 0 at rest, 1 at the lower stop, below 0
+    /// while it rebounds.
     pub fn key_travel(&self, key: usize) -> f64 {
         self.data.qpos()[self.layout.key_dof[key]] / self.lower_stop(key)
     }
@@ -55,18 +58,20 @@ impl World {
         KeyShape::of(key).max_angle() * self.options.keys[key].travel
     }
 
-    /// Strikes and releases of the last control step in order of time, with the time of their physics step.
+    /// Strikes and releases of the last control step in order of time, with the time of their
+    /// physics step.
     pub fn events(&self) -> &[KeyEvent] {
         &self.events
     }
 
-    /// Centre of a finger's rounded tip in the world frame, m. It lags by one physics step: MuJoCo computes sites before it
-    /// integrates.
+    /// Centre of a finger's rounded tip in the world frame, m. It lags by one physics step: MuJoCo
+    /// computes sites before it integrates.
     pub fn fingertip(&self, finger: usize) -> [f64; 3] {
         self.data.site_xpos()[self.layout.tip_site[finger]]
     }
 
-    /// A finger's pad in the world frame, m, from which the rewards measure. It lags like [`fingertip`](Self::fingertip).
+    /// A finger's pad in the world frame, m, from which the rewards measure. It lags like
+    /// [`fingertip`](Self::fingertip).
     pub fn finger_pad(&self, finger: usize) -> [f64; 3] {
         self.data.site_xpos()[self.layout.pad_site[finger]]
     }

@@ -1,4 +1,5 @@
-//! Snapshots: the state of a world as plain numbers. A world that is restored from one continues bit for bit.
+//! Snapshots: the state of a world as plain numbers. A world that is restored from one continues
+//! bit for bit.
 #![allow(unsafe_code)] // Restores which key trees sleep; see the use.
 
 use etude_music::{KEY_COUNT, KeySet};
@@ -28,12 +29,13 @@ pub struct SnapshotError(&'static str);
 const STATE: u32 = mjtState::mjSTATE_INTEGRATION as u32;
 
 unsafe extern "C" {
-    /// Updates which bodies and degrees of freedom are awake from which trees are. The library exports it, but its headers do
-    /// not declare it; MuJoCo's version is pinned.
+    /// Updates which bodies and degrees of freedom are awake from which trees are. The library
+    /// exports it, but its headers do not declare it; MuJoCo's version is pinned.
     fn mj_updateSleep(model: *const mjModel, data: *mut mjData);
 }
 
-/// Whether the links that are not negative form closed cycles. MuJoCo ends the process if they do not.
+/// Whether the links that are not negative form closed cycles. MuJoCo ends the process if they do
+/// not.
 fn are_cycles(asleep: &[i32]) -> bool {
     let mut reached = vec![false; asleep.len()];
     let mut links = asleep.iter().filter_map(|link| usize::try_from(*link).ok());
@@ -54,10 +56,12 @@ impl World {
         }
     }
 
-    /// Continues from a snapshot of a world of the same kind. The physical numbers are not part of it.
+    /// Continues from a snapshot of a world of the same kind. The physical numbers are not part of
+    /// it.
     ///
     /// # Errors
-    /// If the snapshot does not fit; the world has not changed then, except where the number of physical values is wrong.
+    /// If the snapshot does not fit; the world has not changed then, except where the number of
+    /// physical values is wrong.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         let trees = self.data.tree_asleep().len();
         if snapshot.asleep.len() != trees {
@@ -79,9 +83,10 @@ impl World {
         }
         let derived_at: &[f64; KEY_COUNT] =
             snapshot.derived_at.as_slice().try_into().map_err(|_| SnapshotError("another number of keys"))?;
-        // MuJoCo computes nothing for a sleeping tree. Its derived quantities, except its place, stay as they were at the
-        // beginning of the step in which it fell asleep, and are used once more in the step in which it wakes. So they are
-        // computed here with all trees awake, and then the sleeping trees are put to sleep again.
+        // MuJoCo computes nothing for a sleeping tree. Its derived quantities, except its place,
+        // stay as they were at the beginning of the step in which it fell asleep, and are used once
+        // more in the step in which it wakes. So they are computed here with all trees awake, and
+        // then the sleeping trees are put to sleep again.
         let wrong_size = |_| SnapshotError("another number of physical state values");
         self.data.reset();
         self.data.set_state(&snapshot.physics, STATE).map_err(wrong_size)?;
@@ -90,8 +95,9 @@ impl World {
         self.data.set_state(&snapshot.physics, STATE).map_err(wrong_size)?;
         self.data.kinematics();
         self.derived_at = *derived_at;
-        // SAFETY: the length is checked above, the links are cycles, and the lists that the engine keeps beside them
-        // are brought up to date at once: it would wake a sleeping tree that those call awake.
+        // SAFETY: the length is checked above, the links are cycles, and the lists that the engine
+        // keeps beside them are brought up to date at once: it would wake a sleeping tree that
+        // those call awake.
         unsafe {
             self.data.tree_asleep_mut().copy_from_slice(&snapshot.asleep);
             let model = std::ptr::from_ref(self.data.model().ffi());

@@ -22,8 +22,8 @@ pub struct StepOutcome {
     pub rail_power: f64,
     /// Whether there was any contact other than a fingertip on the keyboard, at any physics step.
     pub collided: bool,
-    /// Whether the simulation diverged: MuJoCo met a position, velocity or acceleration beyond its bounds and reset itself with
-    /// every joint at 0. The results of the step are then meaningless.
+    /// Whether the simulation diverged: MuJoCo met a position, velocity or acceleration beyond its
+    /// bounds and reset itself with every joint at 0. The results of the step are then meaningless.
     pub unstable: bool,
 }
 
@@ -31,7 +31,8 @@ pub struct StepOutcome {
 type Law = fn(&mut Controller, &Gains, f64, f64, f64) -> f64;
 
 impl World {
-    /// One control step toward `targets` (encoder readings: rad, the rail in m), which are clamped to the joints' ranges.
+    /// One control step toward `targets` (encoder readings: rad, the rail in m), which are clamped
+    /// to the joints' ranges.
     pub fn step(&mut self, targets: &[f64; DRIVEN_JOINTS]) -> StepOutcome {
         self.step_watched(targets, |_| {})
     }
@@ -41,8 +42,8 @@ impl World {
         self.control_step(|_| targets, Controller::torque, watch)
     }
 
-    /// One control step that follows `waypoints`, one a physics step, without low-pass and limits: for set-points that were
-    /// shaped already. Calls `watch` after each physics step.
+    /// One control step that follows `waypoints`, one a physics step, without low-pass and limits:
+    /// for set-points that were shaped already. Calls `watch` after each physics step.
     pub fn track_watched(
         &mut self,
         waypoints: &[[f64; DRIVEN_JOINTS]; PHYSICS_STEPS],
@@ -98,8 +99,9 @@ impl World {
         outcome.collided |= self.collision();
     }
 
-    /// One physics step under these torques (N·m, the rail in N) instead of those of the joint controllers: the twin emulates
-    /// the robot's own drives. The events are then those of this physics step.
+    /// One physics step under these torques (N·m, the rail in N) instead of those of the joint
+    /// controllers: the twin emulates the robot's own drives. The events are then those of this
+    /// physics step.
     pub fn drive(&mut self, torques: &[f64; DRIVEN_JOINTS]) {
         self.events.clear();
         self.strikes.clear();
@@ -107,8 +109,8 @@ impl World {
         self.advance();
     }
 
-    /// Changes the dry friction of the joints, N·m, the rail's in N, for example to model static friction. A negative value or
-    /// NaN counts as zero.
+    /// Changes the dry friction of the joints, N·m, the rail's in N, for example to model static
+    /// friction. A negative value or NaN counts as zero.
     pub fn set_joint_friction(&mut self, friction: &[f64; DRIVEN_JOINTS]) {
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
@@ -117,15 +119,17 @@ impl World {
         }
     }
 
-    /// Puts the hand off its nominal place on the rail by this, m: an arm sags, and its links are not as its controller believes.
-    /// The hand is moved there without a speed, so the offset must change slowly.
+    /// Puts the hand off its nominal place on the rail by this, m: an arm sags, and its links are
+    /// not as its controller believes. The hand is moved there without a speed, so the offset must
+    /// change slowly.
     pub fn set_hand_offset(&mut self, offset: [f64; 3]) {
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         model.body_pos_mut()[self.layout.palm] = std::array::from_fn(|axis| PALM_PLACE[axis] + offset[axis]);
     }
 
-    /// Whether bodies can touch each other; from the start they can. Half of the time of a step is spent on finding contacts.
+    /// Whether bodies can touch each other; from the start they can. Half of the time of a step is
+    /// spent on finding contacts.
     pub fn set_contacts(&mut self, on: bool) {
         // SAFETY: only a value changes; no size, address or id table is touched.
         let flags = unsafe { &mut self.data.model_mut().opt_mut().disableflags };
@@ -146,7 +150,8 @@ impl World {
         self.watch_keys();
     }
 
-    /// Finds the keys that have begun or ceased to sound since the last physics step, and adds their events.
+    /// Finds the keys that have begun or ceased to sound since the last physics step, and adds
+    /// their events.
     pub(super) fn watch_keys(&mut self) {
         let secs = self.physics_steps as f64 * self.options.step_secs;
         let angles = self.data.qpos();
@@ -186,7 +191,8 @@ impl World {
         })
     }
 
-    /// One `mj_step` under `torques` and nothing else. A benchmark compares [`step`](Self::step) with it.
+    /// One `mj_step` under `torques` and nothing else. A benchmark compares [`step`](Self::step)
+    /// with it.
     pub fn bare_physics_step(&mut self, torques: &[f64; DRIVEN_JOINTS]) {
         self.data.ctrl_mut().copy_from_slice(torques);
         self.data.step();

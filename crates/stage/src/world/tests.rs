@@ -3,8 +3,8 @@ use crate::config::KeyFactors;
 use crate::geometry::KeyShape;
 use crate::mjcf::PALM_PLACE;
 
-/// A key with half the travel reaches its lower stop, and sounds, at half the depth of its neighbours; also after the
-/// physical numbers were set again.
+/// A key with half the travel reaches its lower stop, and sounds, at half the depth of its
+/// neighbours; also after the physical numbers were set again.
 #[test]
 fn a_keys_travel_is_its_own() {
     let mut keys = ModelOptions::default().keys;
@@ -37,7 +37,8 @@ fn friction_of_the_joints_can_change_on_the_way() {
     assert!(held.abs() < 0.02 && free > 5.0 * held.abs(), "{held} {free}");
 }
 
-/// How far down key `key` is after a fifth of a second with this force at its front, as a share of its travel.
+/// How far down key `key` is after a fifth of a second with this force at its front, as a share of
+/// its travel.
 fn pressed_by(world: &mut World, key: usize, newton: f64) -> f64 {
     world.reset();
     let dof = world.layout.key_dof[key];
@@ -48,7 +49,8 @@ fn pressed_by(world: &mut World, key: usize, newton: f64) -> f64 {
     world.key_travel(key)
 }
 
-/// A white and a black key move from rest at the preload and at no less, whether the model was built with it or was given it later.
+/// A white and a black key move from rest at the preload and at no less, whether the model was
+/// built with it or was given it later.
 #[test]
 fn a_key_with_a_preload_needs_that_force_to_move() {
     let config = StageConfig::default();
@@ -86,7 +88,8 @@ fn a_key_with_a_preload_needs_that_force_to_move() {
     assert!(pressed_by(&mut loose, 5, 0.3) > 0.5);
 }
 
-/// The hand is turned about its mount and put off its place, and the rail still leads along the keyboard.
+/// The hand is turned about its mount and put off its place, and the rail still leads along the
+/// keyboard.
 #[test]
 fn a_hand_can_be_tilted_and_off_its_place() {
     let (config, params) = (StageConfig::default(), PhysicalParams::default());
@@ -101,7 +104,8 @@ fn a_hand_can_be_tilted_and_off_its_place() {
         [0, 1, 2].map(|finger| [straight.fingertip(finger), tilted.fingertip(finger)])
     };
     for [[x, y, z], found] in tips(&pose) {
-        // About the mount, first about the keyboard's length, then about the axis toward the player.
+        // About the mount, first about the keyboard's length, then about the axis toward the
+        // player.
         let (x, z) = (x - PALM_PLACE[0], z - PALM_PLACE[2]);
         let (x, z) = (x * pitch.cos() + z * pitch.sin(), z * pitch.cos() - x * pitch.sin());
         let (y, z) = (y * roll.cos() - z * roll.sin(), y * roll.sin() + z * roll.cos());
@@ -125,7 +129,8 @@ fn a_hand_can_be_tilted_and_off_its_place() {
     );
 }
 
-/// In the air a hand moves the same without contacts, to the last bit; pressed down it goes through a key that contacts would push down.
+/// In the air a hand moves the same without contacts, to the last bit; pressed down it goes through
+/// a key that contacts would push down.
 #[test]
 fn without_contacts_a_hand_moves_the_same_and_presses_nothing() {
     let mut world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();

@@ -13,13 +13,14 @@ pub fn nominal() -> World {
     World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap()
 }
 
-/// Targets with `finger`'s tip `height` metres above the top of `key` (negative: pressed that deep), the other
-/// fingers hovering as at the start. `None` where the finger cannot get there.
+/// Targets with `finger`'s tip `height` metres above the top of `key` (negative: pressed that
+/// deep), the other fingers hovering as at the start. `None` where the finger cannot get there.
 pub fn over(world: &World, finger: usize, key: usize, height: f64) -> Option<[f64; DRIVEN_JOINTS]> {
     over_beside(world, finger, key, height, 0.0)
 }
 
-/// As [`over`], with the tip `aside` metres to the right of the key's middle while the rail stays over the middle.
+/// As [`over`], with the tip `aside` metres to the right of the key's middle while the rail stays
+/// over the middle.
 pub fn over_beside(
     world: &World,
     finger: usize,

@@ -4,8 +4,8 @@ use etude_stage::{PhysicalParams, Snapshot, StageConfig, World};
 
 use crate::bench::{self, over};
 
-/// The numbers of a snapshot in the order of its fields, through its `Debug` text: the fields are private and this
-/// crate has no serialiser. The task's tests damage the stored form.
+/// The numbers of a snapshot in the order of its fields, through its `Debug` text: the fields are
+/// private and this crate has no serialiser. The task's tests damage the stored form.
 fn sleepers(snapshot: &Snapshot) -> usize {
     let text = format!("{snapshot:?}");
     let list = text.split("asleep: [").nth(1).unwrap().split(']').next().unwrap();
@@ -14,7 +14,8 @@ fn sleepers(snapshot: &Snapshot) -> usize {
 
 #[test]
 fn a_snapshot_of_a_world_without_fences_fits_one_with_fences() {
-    // Fences are fixed: the state is the same. Restoring across kinds that differ in state must fail instead.
+    // Fences are fixed: the state is the same. Restoring across kinds that differ in state must
+    // fail instead.
     let open = StageConfig { fences: false, ..StageConfig::default() };
     let mut world = World::new(&open, &PhysicalParams::default()).unwrap();
     let mut fenced = bench::nominal();

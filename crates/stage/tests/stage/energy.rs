@@ -54,7 +54,8 @@ proptest! {
         }
         let start = replica.energy();
         let energies = fade(&mut replica, 3.0);
-        // A stop or a contact may hold energy for a moment and give it back, but never more than there was.
+        // A stop or a contact may hold energy for a moment and give it back, but never more than
+        // there was.
         let most = energies.iter().copied().fold(0.0, f64::max);
         prop_assert!(most <= start * 1.001, "{} of {}", most, start);
         let quarter = energies.len() / 4;

@@ -1,4 +1,5 @@
-//! Strikes and releases: when they happened, in which order, how fast, and that they agree with the keys.
+//! Strikes and releases: when they happened, in which order, how fast, and that they agree with the
+//! keys.
 
 use etude_music::{KeyEvent, KeySet};
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, World};

@@ -1,5 +1,5 @@
-//! The exported model is the world: plain MuJoCo steps it as `World` does, bit for bit here and, where Python is at
-//! hand, in the stock wheel too (`scripts/check_model.py`).
+//! The exported model is the world: plain MuJoCo steps it as `World` does, bit for bit here and,
+//! where Python is at hand, in the stock wheel too (`scripts/check_model.py`).
 
 use std::fmt::Write as _;
 use std::io::Write as _;

@@ -1,19 +1,23 @@
-//! Within stated bounds, no parameter in its range and no target may make the simulation unstable: a NaN or a silent reset in the
-//! middle of a training costs days.
+//! Within stated bounds, no parameter in its range and no target may make the simulation unstable:
+//! a NaN or a silent reset in the middle of a training costs days.
 //!
-//! Rows span orders of magnitude and are set independently. Some combinations lead to motion too fast for steps of 5 ms, and
-//! MuJoCo then resets itself. Three rules exclude them. Each limits one number by an inertia; all others are free.
+//! Rows span orders of magnitude and are set independently. Some combinations lead to motion too
+//! fast for steps of 5 ms, and MuJoCo then resets itself. Three rules exclude them. Each limits one
+//! number by an inertia; all others are free.
 //!
-//! - A key's spring must be stable by itself. MuJoCo integrates springs explicitly and damping implicitly: a hinge with
-//!   inertia I, stiffness k and damping d is unstable unless dt²·k < 2·(2·I + dt·d). The lightest keys break
-//!   this (the black ones, at the smallest armature and damping, from k = 4.2 on).
-//! - A key's preload is a constant torque, which its upper stop resists only from the next step on. It may carry the lightest key
-//!   across a tenth of its travel in a step: with the default inertia that is 3.5 N, and 0.08 N with the least.
-//! - A drive must not be too strong for the inertia that is surely there: its armature, and the whole hand on the rail.
-//!   By itself it may at most cross its joint's range at a rate of 0.4 ranges in a step, which for a finger's flexion is
-//!   three quarters of a radian. What grows with the square of speed, and links that a neighbour flings about, are
-//!   integrated explicitly and feed themselves when they turn by more than a radian in a step. Damping does not
-//!   count: MuJoCo leaves it out when it looks for the forces of contacts and stops.
+//! - A key's spring must be stable by itself. MuJoCo integrates springs explicitly and damping
+//!   implicitly: a hinge with inertia I, stiffness k and damping d is unstable unless dt²·k <
+//!   2·(2·I + dt·d). The lightest keys break this (the black ones, at the smallest armature and
+//!   damping, from k = 4.2 on).
+//! - A key's preload is a constant torque, which its upper stop resists only from the next step on.
+//!   It may carry the lightest key across a tenth of its travel in a step: with the default inertia
+//!   that is 3.5 N, and 0.08 N with the least.
+//! - A drive must not be too strong for the inertia that is surely there: its armature, and the
+//!   whole hand on the rail. By itself it may at most cross its joint's range at a rate of 0.4
+//!   ranges in a step, which for a finger's flexion is three quarters of a radian. What grows with
+//!   the square of speed, and links that a neighbour flings about, are integrated explicitly and
+//!   feed themselves when they turn by more than a radian in a step. Damping does not count: MuJoCo
+//!   leaves it out when it looks for the forces of contacts and stops.
 
 use etude_stage::geometry::BLACK;
 use etude_stage::hand::{FINGERS, LINK_MASSES, PALM_MASS, THUMB_MASS};
@@ -24,15 +28,17 @@ use proptest::prelude::*;
 use crate::bench;
 use crate::replica::STEP_SECS;
 
-/// Share of the stiffness at which the lightest key would lose stability. Half, since fingers touch keys.
+/// Share of the stiffness at which the lightest key would lose stability. Half, since fingers touch
+/// keys.
 const KEY_SHARE: f64 = 0.5;
 /// How far a key's preload may carry it in a step, as a share of its travel.
 const CARRIED: f64 = 0.1;
 /// Fastest that a drive may by itself cross its joint's range, ranges per second.
 const FASTEST: f64 = 0.4 / STEP_SECS;
 
-/// Any numbers within the rows' ranges, small and large alike where a row spans decades; a share of exactly 0 or 1
-/// stands for the end of the range. Then what the rules above forbid is taken back to where they begin.
+/// Any numbers within the rows' ranges, small and large alike where a row spans decades; a share of
+/// exactly 0 or 1 stands for the end of the range. Then what the rules above forbid is taken back
+/// to where they begin.
 fn params(actuation: Actuation) -> impl Strategy<Value = PhysicalParams> {
     let share = prop_oneof![1 => Just(0.0), 1 => Just(1.0), 4 => 0.0f64..1.0];
     prop::collection::vec(share, PhysicalParams::rows().count()).prop_map(move |shares| {
@@ -76,8 +82,9 @@ fn stiffest_stable_key(params: &PhysicalParams) -> f64 {
     2.0 * (2.0 * inertia + STEP_SECS * params.world(WorldRow::KeyDamping)) / (STEP_SECS * STEP_SECS)
 }
 
-/// The number that says how strong a joint's drive is, and how great it may be. All the way from one end of the range to
-/// the other, a constant torque reaches v² = 2·range·torque/inertia, and a spring v² = range²·stiffness/inertia.
+/// The number that says how strong a joint's drive is, and how great it may be. All the way from
+/// one end of the range to the other, a constant torque reaches v² = 2·range·torque/inertia, and a
+/// spring v² = range²·stiffness/inertia.
 fn strongest_drive(params: &PhysicalParams, joint: usize, actuation: Actuation) -> (JointRow, f64) {
     let [low, high] = joint_range(joint);
     let hand = PALM_MASS + THUMB_MASS + FINGERS as f64 * LINK_MASSES.iter().sum::<f64>();

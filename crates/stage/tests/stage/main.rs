@@ -1,4 +1,5 @@
-//! Tests of the stage as a whole: everything here steps MuJoCo. One binary, because each costs a link.
+//! Tests of the stage as a whole: everything here steps MuJoCo. One binary, because each costs a
+//! link.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are tests too, which clippy.toml does not see.
 
 mod bench;

@@ -6,13 +6,14 @@ use etude_stage::{Actuation, RAIL, Side, StageConfig, World};
 
 use crate::bench;
 
-/// Least time for a rest-to-rest move over `distance` within the limits on velocity, acceleration and jerk. Holds where
-/// both limits are reached, as on a long move.
+/// Least time for a rest-to-rest move over `distance` within the limits on velocity, acceleration
+/// and jerk. Holds where both limits are reached, as on a long move.
 fn fastest_secs(distance: f64, velocity: f64, acceleration: f64, jerk: f64) -> f64 {
     distance / velocity + velocity / acceleration + acceleration / jerk
 }
 
-/// Moves the rail over `distance` and returns when it was within `near` for good, and the greatest speed.
+/// Moves the rail over `distance` and returns when it was within `near` for good, and the greatest
+/// speed.
 fn rail_move(world: &mut World, distance: f64, near: f64) -> (f64, f64) {
     let mut targets = world.start_pose();
     targets[RAIL] = -distance / 2.0;

@@ -1,11 +1,13 @@
-//! Changing the numbers of a world that stands is the same as building it with them: randomisation rests on it.
+//! Changing the numbers of a world that stands is the same as building it with them: randomisation
+//! rests on it.
 
 use etude_stage::{PhysicalParams, StageConfig, World};
 use proptest::prelude::*;
 
 use crate::bench::{self, Gesture, all_targets};
 
-/// Values for every row: its default times a factor, or for rows about zero a small share of the range.
+/// Values for every row: its default times a factor, or for rows about zero a small share of the
+/// range.
 fn params() -> impl Strategy<Value = PhysicalParams> {
     let rows = PhysicalParams::rows().count();
     prop::collection::vec(0.0f64..1.0, rows).prop_map(|shares| {
@@ -74,7 +76,8 @@ fn every_row_takes_effect_without_building_anew() {
         if changed != play(&mut World::new(&config, &params).unwrap()) {
             wrong.push(format!("{path}: not as built anew"));
         }
-        // The thresholds change what sounds, not what moves, and limits that are never met change nothing.
+        // The thresholds change what sounds, not what moves, and limits that are never met change
+        // nothing.
         let unseen = [
             "key.threshold",
             "key.hysteresis",

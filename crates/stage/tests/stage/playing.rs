@@ -1,5 +1,5 @@
-//! Pressing keys: the right one sounds, no other, for as long as it is held, and the closed-form kinematics that aims
-//! the fingers is MuJoCo's.
+//! Pressing keys: the right one sounds, no other, for as long as it is held, and the closed-form
+//! kinematics that aims the fingers is MuJoCo's.
 
 use etude_music::{KEY_COUNT, KeySet, key_is_black};
 use etude_stage::hand::JOINTS_PER_FINGER;
@@ -12,11 +12,13 @@ fn only(key: usize) -> KeySet {
     [key].into_iter().collect()
 }
 
-/// Moves over the key, presses a little deeper than it goes, holds for two seconds; `None` where the finger cannot reach. The keys that were down
-/// at any time before, and at each step of the hold.
+/// Moves over the key, presses a little deeper than it goes, holds for two seconds; `None` where
+/// the finger cannot reach. The keys that were down at any time before, and at each step of the
+/// hold.
 fn press(world: &mut World, finger: usize, key: usize) -> Option<(KeySet, Vec<KeySet>)> {
     let above = over(world, finger, key, 0.018)?;
-    // By way of just above the key: a straight stroke in joint angles swings the tip into the front of a black key.
+    // By way of just above the key: a straight stroke in joint angles swings the tip into the front
+    // of a black key.
     let near = over(world, finger, key, 0.003)?;
     let down = over(world, finger, key, -0.009)?;
     world.reset_to(&above);

@@ -1,8 +1,9 @@
-//! A replica of the world that is built only from public parts: the exported model in plain MuJoCo, driven by the public
-//! controllers. The tests of `etude-task` include this file too.
+//! A replica of the world that is built only from public parts: the exported model in plain MuJoCo,
+//! driven by the public controllers. The tests of `etude-task` include this file too.
 //!
-//! Where it and [`World`] agree bit for bit, nothing hidden happens in `World::step`, and what holds for its torques and
-//! positions at each *physics* step (which `World` does not show) holds for the world.
+//! Where it and [`World`] agree bit for bit, nothing hidden happens in `World::step`, and what
+//! holds for its torques and positions at each *physics* step (which `World` does not show) holds
+//! for the world.
 #![allow(dead_code)] // Not every test needs all of it.
 
 use etude_music::{KEY_COUNT, KeySet};
@@ -97,7 +98,8 @@ impl Replica {
         self.sounding(positions, KeySet::EMPTY, 0.0)
     }
 
-    /// Keys that sound at these positions if those of `before` did, and a key is silent `hysteresis` of the threshold above it.
+    /// Keys that sound at these positions if those of `before` did, and a key is silent
+    /// `hysteresis` of the threshold above it.
     pub fn sounding(&self, positions: &[f64], before: KeySet, hysteresis: f64) -> KeySet {
         let sounds = |key: &usize| {
             let share = if before.contains(*key) { 1.0 - hysteresis } else { 1.0 };

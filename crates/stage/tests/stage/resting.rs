@@ -1,5 +1,5 @@
-//! Keys at rest cost nothing: no constraint, no contact, and they sleep. It is what makes the engine fast enough, and
-//! it must not change what is played.
+//! Keys at rest cost nothing: no constraint, no contact, and they sleep. It is what makes the
+//! engine fast enough, and it must not change what is played.
 
 use etude_music::{KEY_COUNT, KeySet};
 use etude_stage::{Actuation, PhysicalParams, StageConfig, World};
@@ -62,7 +62,8 @@ proptest! {
         let world = World::new(&config, &PhysicalParams::default()).unwrap();
         let mut sleepy = Replica::of(&world, |xml| xml);
         let mut awake = Replica::of(&world, |xml| swap(xml, r#"<flag sleep="enable"/>"#, ""));
-        // The same torques for both, for one second of stillness (so that all keys sleep) and then the gestures.
+        // The same torques for both, for one second of stillness (so that all keys sleep) and then
+        // the gestures.
         let mut targets = vec![world.start_pose(); 20];
         targets.extend(all_targets(&world, &gestures));
         let moments = sleepy.record(&targets);
@@ -77,7 +78,8 @@ proptest! {
         }
         println!("largest difference of a position with and without sleep: {worst:.3e}");
         prop_assert_eq!(frames(&sleepy, &moments), frames(&awake, &others));
-        // The same torques, no feedback: contacts amplify a difference of rounding, once to 6e-6. A key sounds at some 0.03 rad.
+        // The same torques, no feedback: contacts amplify a difference of rounding, once to 6e-6. A
+        // key sounds at some 0.03 rad.
         prop_assert!(worst < 1e-4, "{}", worst);
     }
 }

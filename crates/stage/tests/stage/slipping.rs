@@ -1,5 +1,5 @@
-//! What the fences are for: wherever a finger comes down, it presses one white key and not two, and a finger that
-//! holds a key cannot be dragged onto the neighbour.
+//! What the fences are for: wherever a finger comes down, it presses one white key and not two, and
+//! a finger that holds a key cannot be dragged onto the neighbour.
 
 use etude_music::KeySet;
 use etude_stage::geometry::WHITE_PITCH;
@@ -11,7 +11,8 @@ fn world(fences: bool) -> World {
     World::new(&StageConfig { fences, ..StageConfig::default() }, &PhysicalParams::default()).unwrap()
 }
 
-/// The keys that sound after pressing `key` at each millimetre from its middle to the middle of the next one.
+/// The keys that sound after pressing `key` at each millimetre from its middle to the middle of the
+/// next one.
 fn presses(fences: bool, key: usize, depth: f64) -> Vec<KeySet> {
     let mut world = world(fences);
     (0..=(WHITE_PITCH * 1000.0) as u32)
@@ -55,7 +56,8 @@ fn with_fences_half_a_key_off_still_presses_the_right_key() {
     assert!(with >= 10 && with > 2 * without);
 }
 
-/// Holds E with the middle finger at `depth`, then drags the rail by `keys` white keys for two seconds.
+/// Holds E with the middle finger at `depth`, then drags the rail by `keys` white keys for two
+/// seconds.
 fn drag(fences: bool, depth: f64, keys: f64) -> Vec<KeySet> {
     let mut world = world(fences);
     let (above, mut down) = (over(&world, 1, 28, 0.01).unwrap(), over(&world, 1, 28, -depth).unwrap());
@@ -73,8 +75,9 @@ fn drag(fences: bool, depth: f64, keys: f64) -> Vec<KeySet> {
     played
 }
 
-/// In this model a key held deep is a trough anyway, since the neighbours' sides are walls as high as its travel: that
-/// is why this holds without fences too, and why it is the presses above that need them.
+/// In this model a key held deep is a trough anyway, since the neighbours' sides are walls as high
+/// as its travel: that is why this holds without fences too, and why it is the presses above that
+/// need them.
 #[test]
 fn a_finger_that_holds_a_key_is_not_dragged_onto_the_neighbour() {
     for fences in [true, false] {

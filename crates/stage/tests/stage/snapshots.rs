@@ -1,6 +1,7 @@
 //! A restored world continues bit for bit, in this world or another of its kind.
 //!
-//! The risk is what MuJoCo keeps outside its state vector: warm starts, and above all which keys sleep.
+//! The risk is what MuJoCo keeps outside its state vector: warm starts, and above all which keys
+//! sleep.
 
 use etude_stage::{PhysicalParams, World};
 use proptest::prelude::*;
@@ -56,7 +57,8 @@ proptest! {
     }
 }
 
-/// The moment that the random ones might miss: one key held down, its neighbours awake or asleep, most keys asleep.
+/// The moment that the random ones might miss: one key held down, its neighbours awake or asleep,
+/// most keys asleep.
 #[test]
 fn a_snapshot_in_the_middle_of_a_press_keeps_sleepers_asleep() {
     let mut world = bench::nominal();
@@ -74,7 +76,8 @@ fn a_snapshot_in_the_middle_of_a_press_keeps_sleepers_asleep() {
     same_future(&mut world, &mut fresh, &[away]).unwrap();
 }
 
-/// What can be read between restoring and the next step is that of the restored moment, not of the one before.
+/// What can be read between restoring and the next step is that of the restored moment, not of the
+/// one before.
 #[test]
 fn nothing_of_the_former_moment_can_be_read_after_restoring() {
     let mut world = bench::nominal();
@@ -90,7 +93,8 @@ fn nothing_of_the_former_moment_can_be_read_after_restoring() {
     assert!(world.events().is_empty(), "{:?}", world.events());
     world.restore(&down).unwrap();
     assert_eq!(*world.torques(), pressing);
-    // MuJoCo leaves derived places one step behind the positions; restoring may bring them up to date.
+    // MuJoCo leaves derived places one step behind the positions; restoring may bring them up to
+    // date.
     let moved = tip.iter().zip(world.fingertip(1)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(moved < 0.005, "{moved}");
 }

@@ -62,7 +62,8 @@ fn fingers_that_meet_collide() {
 
 #[test]
 fn a_collision_within_the_step_counts_even_if_it_is_over_at_its_end() {
-    // Count collisions by control step against contacts at the end of the step: the former must be more.
+    // Count collisions by control step against contacts at the end of the step: the former must be
+    // more.
     let mut world = bench::nominal();
     let (mut seen, mut at_end) = (0, 0);
     for step in 0..200 {

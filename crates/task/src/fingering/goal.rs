@@ -2,8 +2,8 @@
 
 use etude_stage::FINGERS;
 
-/// Control steps before the beginning of a note from which its key is the goal of its finger: half a
-/// second, enough for every move of the fingers and most of the rail.
+/// Control steps before the beginning of a note from which its key is the goal of its finger: half
+/// a second, enough for every move of the fingers and most of the rail.
 pub const AHEAD_STEPS: usize = 10;
 
 /// The key at which a finger should be in one control step.

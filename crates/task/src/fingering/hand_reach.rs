@@ -6,24 +6,25 @@ use etude_stage::hand::TIP_RADIUS;
 use etude_stage::params::WorldRow;
 use etude_stage::{PhysicalParams, Side, kinematics};
 
-/// Clearance of a waiting fingertip over its key, m: above the fences, low enough for a quick strike.
+/// Clearance of a waiting fingertip over its key, m: above the fences, low enough for a quick
+/// strike.
 const HOVER_M: f64 = 0.006;
 /// Clearance over black keys while a finger moves to or from one, m.
 const CROSSING_M: f64 = 0.010;
-/// Depth of a strike as a fraction of the key's travel. It is above 1 because the reference slows down
-/// near its target and because the springs of key and joints yield.
+/// Depth of a strike as a fraction of the key's travel. It is above 1 because the reference slows
+/// down near its target and because the springs of key and joints yield.
 const STRIKE_DEPTH: f64 = 1.2;
 /// Lateral distance that a waiting finger keeps from a neighbour that plays, m.
 const MIN_NEIGHBOUR_M: f64 = 0.0255;
-/// A finger that is farther than this to the side of its key turns over it first and strikes one control
-/// step later, m. Else it comes down on a fence, since it bends faster than it turns.
+/// A finger that is farther than this to the side of its key turns over it first and strikes one
+/// control step later, m. Else it comes down on a fence, since it bends faster than it turns.
 pub(crate) const TURN_FIRST_M: f64 = 0.008;
 /// How far a fingertip may be to either side of its position with an unturned root, m.
 pub(crate) const LATERAL_REACH_M: f64 = 0.020;
 /// Where white keys are pressed, m toward the player from their middle.
 const WHITE_X_M: f64 = 0.028;
-/// Where black keys are pressed, m toward the player from their middle: near the front, close to the
-/// white keys.
+/// Where black keys are pressed, m toward the player from their middle: near the front, close to
+/// the white keys.
 const BLACK_X_M: f64 = 0.034;
 
 /// How far toward the player from [`key_target`] a fingering presses `key`, m.
@@ -69,8 +70,8 @@ impl HandReach {
         shape.top() + TIP_RADIUS - STRIKE_DEPTH * travel + self.keyboard[2]
     }
 
-    /// Lateral position of a fingertip at depth `x` when the finger's root is not turned and the rail is
-    /// centred, m.
+    /// Lateral position of a fingertip at depth `x` when the finger's root is not turned and the
+    /// rail is centred, m.
     pub(crate) fn unturned(&self, finger: usize, x: f64) -> f64 {
         // An unturned finger moves in one upright plane, which two of its poses define.
         let straight = kinematics::fingertip(self.side, finger, &[0.0; 4], 0.0);
@@ -79,8 +80,8 @@ impl HandReach {
         straight[1] + (bent[1] - straight[1]) * (x - straight[0]) / (bent[0] - straight[0])
     }
 
-    /// The lateral position nearest to `[x, y]` at which `finger` is clear of its neighbour `other`,
-    /// which plays at `other_y`, m.
+    /// The lateral position nearest to `[x, y]` at which `finger` is clear of its neighbour
+    /// `other`, which plays at `other_y`, m.
     pub(crate) fn clear_of(&self, finger: usize, [x, y]: [f64; 2], other: usize, other_y: f64) -> f64 {
         let above = self.unturned(finger, x) > self.unturned(other, x);
         if above { y.max(other_y + MIN_NEIGHBOUR_M) } else { y.min(other_y - MIN_NEIGHBOUR_M) }
@@ -93,7 +94,8 @@ impl HandReach {
         [(rail - LATERAL_REACH_M).max(-HALF_WIDTH), (rail + LATERAL_REACH_M).min(HALF_WIDTH)]
     }
 
-    /// Joint angles that bring a fingertip to `target`, or as near to it laterally as the finger reaches.
+    /// Joint angles that bring a fingertip to `target`, or as near to it laterally as the finger
+    /// reaches.
     pub(crate) fn joint_angles(&self, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; 4]> {
         let [x, y, z] = target;
         let unturned = self.unturned(finger, x) + rail;

@@ -13,8 +13,8 @@ pub enum LimitKind {
     TooManyKeys,
     /// No position of the hand reaches these keys together, or none in time: the note is omitted.
     OutOfReach,
-    /// The hand does not get to the note in time, from this key or to it, which is so far away, m: the
-    /// note is omitted.
+    /// The hand does not get to the note in time, from this key or to it, which is so far away, m:
+    /// the note is omitted.
     TooFar(usize, f64),
     /// The note is shortened because a later one needs its finger or another position of the hand.
     HandNeeded,
@@ -51,9 +51,11 @@ pub struct Limits {
     pub notes: Vec<Limit>,
     /// Notes of the song.
     pub total_notes: usize,
-    /// Notes that begin too soon after one of the same key to be struck again: the two are one stroke.
+    /// Notes that begin too soon after one of the same key to be struck again: the two are one
+    /// stroke.
     pub merged_notes: usize,
-    /// Notes struck again by the same finger right after a gap too short to lift it clear of the key.
+    /// Notes struck again by the same finger right after a gap too short to lift it clear of the
+    /// key.
     pub quick_restrikes: usize,
 }
 
@@ -110,7 +112,8 @@ impl Limit {
         matches!(self.kind, LimitKind::TooFar(..) | LimitKind::RailTooSlow(_))
     }
 
-    /// Whether the note is omitted because the fingers are too few for its chord, or do not reach it.
+    /// Whether the note is omitted because the fingers are too few for its chord, or do not reach
+    /// it.
     pub fn is_chord(&self) -> bool {
         matches!(self.kind, LimitKind::TooManyKeys | LimitKind::OutOfReach)
     }

@@ -1,8 +1,8 @@
 //! The fingering of a song: which finger plays which key, and where the hand is.
 //!
-//! It is planned for the whole song in advance: strokes from the frames (`strokes`), then fingers and
-//! rail positions by dynamic programming (`planner`, with `hand_reach` for the fingers and `rail_model`
-//! for the rail). The scripted baseline plays it; a policy can be shown it
+//! It is planned for the whole song in advance: strokes from the frames (`strokes`), then fingers
+//! and rail positions by dynamic programming (`planner`, with `hand_reach` for the fingers and
+//! `rail_model` for the rail). The scripted baseline plays it; a policy can be shown it
 //! ([`TaskConfig::fingering`](crate::TaskConfig::fingering)).
 
 mod goal;
@@ -36,8 +36,9 @@ pub struct Fingering {
 }
 
 impl Fingering {
-    /// Plans `strokes` for this stage with these physical parameters and this number of silent control
-    /// steps in which a finger changes keys. `on_progress` receives the share that is planned, 0 to 1.
+    /// Plans `strokes` for this stage with these physical parameters and this number of silent
+    /// control steps in which a finger changes keys. `on_progress` receives the share that is
+    /// planned, 0 to 1.
     pub fn plan(
         stage: &StageConfig,
         params: &PhysicalParams,
@@ -110,8 +111,8 @@ impl Fingering {
     }
 }
 
-/// Target of the rail at each of `steps` control steps, m. The rail leaves as early as the keys that are
-/// held allow, some steps before the release.
+/// Target of the rail at each of `steps` control steps, m. The rail leaves as early as the keys
+/// that are held allow, some steps before the release.
 fn rail_targets(planner: &Planner<'_>, states: &[HandState], notes: &[PlayedNote], steps: usize) -> Vec<f64> {
     let Some(first) = states.first() else { return vec![0.0; steps] };
     let mut targets = vec![first.rail; steps];

@@ -1,12 +1,12 @@
 //! Which finger plays which key, and where the rail is: dynamic programming over the song.
 //!
-//! A state is what sounds in one control step: a key or none for each finger, and a rail position from
-//! which the fingers reach their keys. The cost is the number of control steps of notes that are lost,
-//! which is close to what F1 measures: a skipped note costs all its steps, a rail or finger that is too
-//! slow costs the end of the note before. A skipped note also costs its onset, so that a melody is not
-//! left out for one long note below it, and so does a note of which too little is left to be struck.
-//! Additional costs prefer the upper voice, fingers that no neighbour blocks, unturned fingers and short
-//! movements.
+//! A state is what sounds in one control step: a key or none for each finger, and a rail position
+//! from which the fingers reach their keys. The cost is the number of control steps of notes that
+//! are lost, which is close to what F1 measures: a skipped note costs all its steps, a rail or
+//! finger that is too slow costs the end of the note before. A skipped note also costs its onset,
+//! so that a melody is not left out for one long note below it, and so does a note of which too
+//! little is left to be struck. Additional costs prefer the upper voice, fingers that no neighbour
+//! blocks, unturned fingers and short movements.
 
 use etude_music::key_is_black;
 use etude_stage::FINGERS;
@@ -17,29 +17,31 @@ use super::limits::{Limit, LimitKind, Limits};
 use super::rail_model::RailModel;
 use super::strokes::{Onset, Stroke, Strokes};
 
-/// Smallest distance of two neighbouring fingers that press at once, m: the width of a finger's links.
+/// Smallest distance of two neighbouring fingers that press at once, m: the width of a finger's
+/// links.
 const MIN_SEPARATION_M: f64 = 0.021;
-/// Silent control steps that a finger needs between a white key and a black one: up, across the edge,
-/// down.
+/// Silent control steps that a finger needs between a white key and a black one: up, across the
+/// edge, down.
 const BLACK_CHANGE_STEPS: usize = 6;
 /// Rail positions tried for one choice of fingers.
 const RAIL_CHOICES: usize = 9;
 /// States kept at each onset.
 const BEAM: usize = 96;
-/// Keys considered at one onset: many more than fingers, so that fingers can reach some of them together.
+/// Keys considered at one onset: many more than fingers, so that fingers can reach some of them
+/// together.
 const MAX_KEYS: usize = 10;
 /// Cost of an onset that is skipped, in control steps.
 const ONSET_COST: f64 = 4.0;
-/// Further cost of skipping the highest note of those that begin together, in control steps: the melody
-/// is mostly there.
+/// Further cost of skipping the highest note of those that begin together, in control steps: the
+/// melody is mostly there.
 const UPPER_COST: f64 = 0.5;
 /// Shortest note that a finger can strike if it has to move on at once, in control steps.
 const MIN_NOTE_STEPS: usize = 2;
 /// Cost of a finger turned to the end of its lateral reach, in control steps.
 const TURN_COST: f64 = 0.1;
-/// Cost of a strike by a finger that a neighbour blocks, in control steps. The scripted baseline strikes
-/// such a note a step late, policies on time: so it costs a little less than a note that ends a step
-/// early.
+/// Cost of a strike by a finger that a neighbour blocks, in control steps. The scripted baseline
+/// strikes such a note a step late, policies on time: so it costs a little less than a note that
+/// ends a step early.
 const BLOCKED_COST: f64 = 0.95;
 /// Cost of a metre of rail, in control steps.
 const TRAVEL_COST: f64 = 3.0;
@@ -207,8 +209,8 @@ impl<'a> Planner<'a> {
         intervals.fold([-HALF_WIDTH, HALF_WIDTH], |all, [low, high]| [all[0].max(low), all[1].min(high)])
     }
 
-    /// What it takes to get from a state at onset `index` to one at the next; `None` if a held note would
-    /// change fingers or a note would begin late.
+    /// What it takes to get from a state at onset `index` to one at the next; `None` if a held note
+    /// would change fingers or a note would begin late.
     fn transition(&self, index: usize, from: &HandState, to: &HandState) -> Option<Transition> {
         let step = self.onsets[index + 1].start;
         let kept = |finger: usize| to.hand[finger].is_some() && to.hand[finger] == from.hand[finger];
@@ -292,7 +294,8 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// Every note that the plan plays, in order of their start; each ends when its finger must move on.
+    /// Every note that the plan plays, in order of their start; each ends when its finger must move
+    /// on.
     pub(super) fn played(&self, plan: &[HandState]) -> Vec<PlayedNote> {
         let mut notes: Vec<PlayedNote> = Vec::new();
         for (index, (onset, state)) in self.onsets.iter().zip(plan).enumerate() {

@@ -1,8 +1,8 @@
 //! A model of the rail: its controller, the moved mass and the damping.
 //!
-//! The rail is slow (a movement by one key takes a fifth of a second), the fingers are fast. So fingers
-//! turn to compensate the movement of the rail, whose position this model predicts to a fraction of a
-//! millimetre.
+//! The rail is slow (a movement by one key takes a fifth of a second), the fingers are fast. So
+//! fingers turn to compensate the movement of the rail, whose position this model predicts to a
+//! fraction of a millimetre.
 
 use etude_music::CONTROL_HZ;
 use etude_stage::controller::{Actuation, Controller, Gains};
@@ -29,8 +29,8 @@ pub(crate) struct RailModel {
     mass_kg: f64,
     damping: f64,
     step_secs: f64,
-    /// Position of the rail after each control step of a move by `MIN_MOVE_M`·2ⁱ, as a fraction of the
-    /// move.
+    /// Position of the rail after each control step of a move by `MIN_MOVE_M`·2ⁱ, as a fraction of
+    /// the move.
     responses: Vec<Vec<f64>>,
     /// Control steps by which a target that leaves a key is given before its release:
     /// [`EARLY_STEPS`] and the rail's delay, rounded.
@@ -66,8 +66,8 @@ impl RailModel {
         rail
     }
 
-    /// Position of the rail, m: at the start, then after every physics step under one target a control
-    /// step.
+    /// Position of the rail, m: at the start, then after every physics step under one target a
+    /// control step.
     pub(crate) fn follow(&self, start: f64, targets: &[f64]) -> Vec<f64> {
         let mut controller = Controller::at_rest(self.gains.measured(start));
         let (mut position, mut velocity) = (start, 0.0);
@@ -85,8 +85,8 @@ impl RailModel {
         path
     }
 
-    /// Control steps from the target until the rail has moved by `needed` of a move by `distance`, both
-    /// in m and positive.
+    /// Control steps from the target until the rail has moved by `needed` of a move by `distance`,
+    /// both in m and positive.
     pub(crate) fn steps_to(&self, distance: f64, needed: f64) -> usize {
         if needed <= 0.0 {
             return 0;

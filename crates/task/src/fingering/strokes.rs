@@ -1,7 +1,7 @@
 //! The song as strokes: which key goes down at which control step, and up at which.
 //!
-//! Strokes are read from the frames and not from the notes, because the frames are scored: they already
-//! contain the gap between two strokes of one key.
+//! Strokes are read from the frames and not from the notes, because the frames are scored: they
+//! already contain the gap between two strokes of one key.
 
 use etude_music::{CONTROL_HZ, KeySet, LOWEST_PITCH, Note};
 
@@ -38,8 +38,8 @@ pub struct Strokes {
 }
 
 impl Strokes {
-    /// The strokes of these frames. Each has the velocity of the note of its key that begins nearest;
-    /// notes are later than frames by `latency_compensation_secs`.
+    /// The strokes of these frames. Each has the velocity of the note of its key that begins
+    /// nearest; notes are later than frames by `latency_compensation_secs`.
     pub fn new(frames: &[KeySet], notes: &[Note], latency_compensation_secs: f64) -> Self {
         let velocity = |key: usize, start: usize| {
             let start_secs = start as f64 / CONTROL_HZ;

@@ -1,11 +1,11 @@
-//! Domain randomisation: physical parameters are drawn about their nominal values for each episode, without
-//! rebuilding the model.
+//! Domain randomisation: physical parameters are drawn about their nominal values for each episode,
+//! without rebuilding the model.
 //!
 //! One intensity `C` in [0, 1] scales every width, as in the code of the paper's authors
-//! (lasr-lab/learning-to-play-piano): at 0 the world keeps its nominal parameters, at 1 a quantity covers its
-//! full range. Ranges shrink toward the nominal value, which is therefore the median of the draws: an
-//! identified simulator is randomised about the identified values. [`Widths`] are either those of the paper's
-//! seven quantities, or a half-width for each identified parameter.
+//! (lasr-lab/learning-to-play-piano): at 0 the world keeps its nominal parameters, at 1 a quantity
+//! covers its full range. Ranges shrink toward the nominal value, which is therefore the median of
+//! the draws: an identified simulator is randomised about the identified values. [`Widths`] are
+//! either those of the paper's seven quantities, or a half-width for each identified parameter.
 
 mod grid;
 mod spread;
@@ -15,7 +15,7 @@ mod widths;
 #[cfg(test)]
 mod tests;
 
-use etude_stage::params::{JointRow, PhysicalParams, Slot, WorldRow};
+use etude_stage::params::{JointRow, ParamId, PhysicalParams, WorldRow};
 use etude_stage::{Actuation, DRIVEN_JOINTS, RAIL};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
@@ -62,8 +62,8 @@ pub struct Randomisation {
     nominal: PhysicalParams,
     intensity: f64,
     spreads: Vec<Spread>,
-    /// How the joints are driven; `None` if the drawn parameters are not limited to those for which the
-    /// physics is stable.
+    /// How the joints are driven; `None` if the drawn parameters are not limited to those for which
+    /// the physics is stable.
     guarded: Option<Actuation>,
 }
 
@@ -78,7 +78,8 @@ impl Randomisation {
         actuation: Actuation,
     ) -> Result<Self, TaskError> {
         let (spreads, guarded) = match &config.widths {
-            // As the authors draw them; tests/task/randomisation.rs checks that the physics stays stable.
+            // As the authors draw them; tests/task/randomisation.rs checks that the physics stays
+            // stable.
             Widths::Paper => (papers(), None),
             Widths::Identified(widths) => (widths::spreads(widths)?, Some(actuation)),
         };
@@ -104,7 +105,7 @@ impl Randomisation {
 
     /// Paths of the randomised parameters, in the order in which they are drawn.
     pub fn paths(&self) -> impl Iterator<Item = String> {
-        self.spreads.iter().map(|spread| spread.slot.path())
+        self.spreads.iter().map(|spread| spread.id.path())
     }
 
     fn guard(&self, mut params: PhysicalParams) -> PhysicalParams {
@@ -117,12 +118,12 @@ impl Randomisation {
 
 /// The paper's quantities, parameter by parameter.
 fn papers() -> Vec<Spread> {
-    let world = |quantity, kind| vec![Spread { slot: Slot::World(quantity), kind }];
+    let world = |quantity, kind| vec![Spread { id: ParamId::World(quantity), kind }];
     let spreads = RANDOMISED.iter().flat_map(|(_, full)| match *full {
         FullRange::Between(quantity, low, high) => world(quantity, SpreadKind::Between(low, high)),
         FullRange::Around(quantity, width) => world(quantity, SpreadKind::Around(width)),
         FullRange::Scaled(quantity, width) => (0..DRIVEN_JOINTS)
-            .map(|joint| Spread { slot: Slot::Joint(quantity, joint), kind: SpreadKind::Scaled(width) })
+            .map(|joint| Spread { id: ParamId::Joint(quantity, joint), kind: SpreadKind::Scaled(width) })
             .collect(),
     });
     spreads.collect()

@@ -1,6 +1,6 @@
 //! How far one parameter is randomised about its nominal value.
 
-use etude_stage::params::{PhysicalParams, Slot};
+use etude_stage::params::{ParamId, PhysicalParams};
 use rand::RngExt as _;
 use rand_pcg::Pcg64;
 
@@ -18,7 +18,7 @@ pub(super) enum SpreadKind {
 /// One parameter and its range.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spread {
-    pub slot: Slot,
+    pub id: ParamId,
     pub kind: SpreadKind,
 }
 
@@ -44,9 +44,10 @@ impl Spread {
         }
     }
 
-    /// Moves the parameter, which `params` holds at its nominal value, by `deviation` times `intensity`.
+    /// Moves the parameter, which `params` holds at its nominal value, by `deviation` times
+    /// `intensity`.
     pub(super) fn set(&self, params: &mut PhysicalParams, intensity: f64, deviation: f64) {
-        let nominal = params.value(self.slot);
+        let nominal = params.value(self.id);
         let value = match self.kind {
             SpreadKind::Between(low, high) => {
                 let end = if deviation < 0.0 { low.min(nominal) } else { high.max(nominal) };
@@ -55,6 +56,6 @@ impl Spread {
             SpreadKind::Around(width) => nominal + intensity * deviation * width,
             SpreadKind::Scaled(_) => nominal * (1.0 + intensity * deviation),
         };
-        params.set_clamped(self.slot, value);
+        params.set_clamped(self.id, value);
     }
 }

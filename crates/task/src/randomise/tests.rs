@@ -33,7 +33,8 @@ fn no_intensity_is_the_nominal_world() {
     assert!(draws(0.0).iter().all(|p| *p == PhysicalParams::default()));
 }
 
-/// FNV-1a over the bits of every number, as the default world of 23 November 2026 gives them: recorded runs depend on it.
+/// FNV-1a over the bits of every number, as the default world of 23 November 2026 gives them:
+/// recorded runs depend on it.
 #[test]
 fn the_papers_draws_are_those_of_recorded_runs() {
     for (intensity, recorded) in [(0.3, 0x8c84_9a59_f08f_ccc0_u64), (1.0, 0x4d37_c3f9_e3cc_8388_u64)] {
@@ -99,7 +100,8 @@ fn worlds_are_centred_on_the_identified_values() {
             let middle = nominal.get(&path).unwrap();
             let below = drawn.iter().filter(|p| p.get(&path).unwrap() < middle).count();
             let above = drawn.iter().filter(|p| p.get(&path).unwrap() > middle).count();
-            // What cannot rise keeps its nominal value instead: friction is above the paper's range, delays have no width.
+            // What cannot rise keeps its nominal value instead: friction is above the paper's
+            // range, delays have no width.
             let (fixed, bound) = (path == "joint.rail.delay", path == "key.friction");
             let half = |count: usize| (900..1_100).contains(&count);
             assert!(half(below) || fixed, "{path}: {below} of 2000 below");
@@ -254,7 +256,8 @@ proptest! {
     }
 }
 
-/// A key is silent again at a share of its threshold, so the draws of the threshold move both contacts.
+/// A key is silent again at a share of its threshold, so the draws of the threshold move both
+/// contacts.
 #[test]
 fn both_contacts_of_the_keys_are_randomised_together() {
     let nominal = PhysicalParams::default().with(&[("key.hysteresis".to_string(), 0.4)].into()).unwrap();

@@ -1,10 +1,10 @@
-//! The widths of the randomisation: the paper's table, or half-widths by path, such as the 95 % intervals of
-//! an identification.
+//! The widths of the randomisation: the paper's table, or half-widths by path, such as the 95 %
+//! intervals of an identification.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
-use etude_stage::params::Slot;
+use etude_stage::params::ParamId;
 use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
@@ -16,12 +16,14 @@ use crate::TaskError;
 /// What is randomised, and how far at full intensity.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Widths {
-    /// The paper's seven quantities ([`RANDOMISED`](super::RANDOMISED)); `"paper"` in a configuration.
+    /// The paper's seven quantities ([`RANDOMISED`](super::RANDOMISED)); `"paper"` in a
+    /// configuration.
     #[default]
     Paper,
-    /// Half-widths by path, in the unit of the row: uniform within the nominal value ± this, clamped to the
-    /// row's range. `joint.all.<name>` and `joint.fingers.<name>` name several joints, which are drawn
-    /// independently. The path of one joint takes precedence over `fingers`, and `fingers` over `all`.
+    /// Half-widths by path, in the unit of the row: uniform within the nominal value ± this,
+    /// clamped to the row's range. `joint.all.<name>` and `joint.fingers.<name>` name several
+    /// joints, which are drawn independently. The path of one joint takes precedence over
+    /// `fingers`, and `fingers` over `all`.
     Identified(BTreeMap<String, f64>),
 }
 
@@ -63,8 +65,9 @@ impl<'de> Deserialize<'de> for Widths {
 
 /// The parameters that `widths` names, in the order of the rows of the tables.
 pub(super) fn spreads(widths: &BTreeMap<String, f64>) -> Result<Vec<Spread>, TaskError> {
-    let mut all: Vec<(Slot, Option<f64>)> = Slot::all().map(|slot| (slot, None)).collect();
-    // In ascending order of the paths, `all` comes before `fingers`, and both before the name of any joint.
+    let mut all: Vec<(ParamId, Option<f64>)> = ParamId::all().map(|id| (id, None)).collect();
+    // In ascending order of the paths, `all` comes before `fingers`, and both before the name of
+    // any joint.
     for (path, &width) in widths {
         if !(width.is_finite() && width >= 0.0) {
             return Err(TaskError::Value(format!(
@@ -72,12 +75,12 @@ pub(super) fn spreads(widths: &BTreeMap<String, f64>) -> Result<Vec<Spread>, Tas
                  `etude model params` lists the rows"
             )));
         }
-        let named = Slot::named(path)?;
+        let named = ParamId::named(path)?;
         all.iter_mut()
-            .filter(|(slot, _)| named.contains(slot))
+            .filter(|(id, _)| named.contains(id))
             .for_each(|(_, slot_width)| *slot_width = Some(width));
     }
-    let spread = |(slot, width): (Slot, Option<f64>)| Some(Spread { slot, kind: SpreadKind::Around(width?) });
+    let spread = |(id, width): (ParamId, Option<f64>)| Some(Spread { id, kind: SpreadKind::Around(width?) });
     Ok(all.into_iter().filter_map(spread).collect())
 }
 

@@ -15,7 +15,8 @@ pub(super) fn hand_position(context: &StepContext) -> f64 {
     tolerance((context.world.joints_true()[RAIL] - middle).abs(), 0.03, 0.3)
 }
 
-/// 0 if nothing sounds, from 0.5 if something wrong sounds, from 1 if all that sounds is due; more for deeper keys.
+/// 0 if nothing sounds, from 0.5 if something wrong sounds, from 1 if all that sounds is due; more
+/// for deeper keys.
 pub(super) fn graded_key_press(context: &StepContext) -> f64 {
     let (due, pressed) = (context.due, context.world.pressed());
     let travel = |key| context.world.key_travel(key).clamp(0.0, 1.0);

@@ -22,8 +22,8 @@ pub struct StepContext<'a> {
     pub targets: &'a [f64; DRIVEN_JOINTS],
     /// The action of the step.
     pub action: &'a [f32; ACTION_LEN],
-    /// The action of the previous step; in the first step, the one whose targets are the starting pose, as
-    /// far as the range allows.
+    /// The action of the previous step; in the first step, the one whose targets are the starting
+    /// pose, as far as the range allows.
     pub previous_action: &'a [f32; ACTION_LEN],
     /// The goals of the fingers in the step; none without a fingering.
     pub goals: Goals,

@@ -1,13 +1,15 @@
 //! The reward: a table of named terms, each a function of one control step, summed by weight.
 //!
-//! To add a term: one function and one row in [`TERMS`]. Configuration and metrics follow from the row.
+//! To add a term: one function and one row in [`TERMS`]. Configuration and metrics follow from the
+//! row.
 //!
-//! Sources: the paper describes the terms in words, with a number for the collision term only. Key press,
-//! energy and tolerance are those of RoboPianist (github.com/google-research/robopianist,
-//! `suite/tasks/piano_with_shadow_hands.py`); the assignment of fingers by optimal transport is that of RP1M
-//! (arXiv 2408.11048); the appendix's terms are those of lasr-lab/learning-to-play-piano on GitHub
-//! (`robopianist/suite/tasks/piano_with_hands.py`). `wrong_travel` and the terms of a fingering are ours
-//! (RoboPianist rewards a fingering that people have written down). Other weights are our choice.
+//! Sources: the paper describes the terms in words, with a number for the collision term only. Key
+//! press, energy and tolerance are those of RoboPianist (github.com/google-research/robopianist,
+//! `suite/tasks/piano_with_shadow_hands.py`); the assignment of fingers by optimal transport is
+//! that of RP1M (arXiv 2408.11048); the appendix's terms are those of
+//! lasr-lab/learning-to-play-piano on GitHub (`robopianist/suite/tasks/piano_with_hands.py`).
+//! `wrong_travel` and the terms of a fingering are ours (RoboPianist rewards a fingering that
+//! people have written down). Other weights are our choice.
 
 mod appendix;
 mod context;

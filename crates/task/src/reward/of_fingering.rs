@@ -24,11 +24,12 @@ pub(super) fn fingering(context: &StepContext) -> f64 {
 /// Reward of a finger that holds its key exactly on its targets, rad of distance.
 const HELD: f64 = 0.5;
 
-/// For each finger that holds a key which sounded before: [`HELD`] minus the mean distance of its joints
-/// from their targets at the end of the step, rad; the mean over the fingers that should play. A target far
-/// beyond where the key stops presses at the limit of the torque, and has to come back all the way before
-/// the finger can lift. Without [`HELD`] an untrained policy, whose targets are anywhere, is penalised for
-/// each key that it finds; with more, for letting go of one that it must strike again.
+/// For each finger that holds a key which sounded before: [`HELD`] minus the mean distance of its
+/// joints from their targets at the end of the step, rad; the mean over the fingers that should
+/// play. A target far beyond where the key stops presses at the limit of the torque, and has to
+/// come back all the way before the finger can lift. Without [`HELD`] an untrained policy, whose
+/// targets are anywhere, is penalised for each key that it finds; with more, for letting go of one
+/// that it must strike again.
 pub(super) fn holding(context: &StepContext) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for (finger, goal) in context.goals.iter().enumerate() {
@@ -42,20 +43,22 @@ pub(super) fn holding(context: &StepContext) -> f64 {
     sum / f64::from(count.max(1))
 }
 
-/// Difference between force and velocity, as a share of 127, up to which a strike has the full reward, and
-/// further that at which it has a tenth: as a bonus for strikes, and where soft and loud are to be learned.
+/// Difference between force and velocity, as a share of 127, up to which a strike has the full
+/// reward, and further that at which it has a tenth: as a bonus for strikes, and where soft and
+/// loud are to be learned.
 const VELOCITY_BOUND: f64 = 0.05;
 const VELOCITY_MARGIN: f64 = 0.4;
 const DYNAMICS_MARGIN: f64 = 0.5;
 
-/// For each note that begins in the step and is struck in it, how near the force is to the note's velocity.
-/// It is never negative, so that holding a key through is rewarded less than striking it again.
+/// For each note that begins in the step and is struck in it, how near the force is to the note's
+/// velocity. It is never negative, so that holding a key through is rewarded less than striking it
+/// again.
 pub(super) fn velocity(context: &StepContext) -> f64 {
     strikes(context, VELOCITY_MARGIN, Goal::begins)
 }
 
-/// The same for notes that are struck in the step in which they begin or in the next: a soft strike takes
-/// longer than a loud one, so that both can begin at the same time.
+/// The same for notes that are struck in the step in which they begin or in the next: a soft strike
+/// takes longer than a loud one, so that both can begin at the same time.
 pub(super) fn dynamics(context: &StepContext) -> f64 {
     let late =
         |goal: &Goal| goal.sounds() && goal.age_steps == 1 && !context.pressed_before.contains(goal.key);

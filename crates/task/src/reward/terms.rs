@@ -2,13 +2,14 @@
 
 use std::ops::Range;
 
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 use etude_stage::{FINGERS, RAIL};
 
 use super::context::{StepContext, distance, tolerance};
 use crate::{ACTION_LEN, assign};
 
-/// Weight of the rail's power relative to that of the fingers, as in lasr-lab/learning-to-play-piano.
+/// Weight of the rail's power relative to that of the fingers, as in
+/// lasr-lab/learning-to-play-piano.
 const RAIL_SHARE: f64 = 0.003;
 
 /// Minus the power of the fingers and, scaled down, of the rail, W.
@@ -22,21 +23,21 @@ pub(super) fn action_change(context: &StepContext) -> f64 {
     -squares.sum::<f64>() / ACTION_LEN as f64
 }
 
-/// Minus the squared travel of the keys that are not due, summed: the penalty for wrong keys. A key that
-/// sounded before the step counts at its end, any other where it was deepest: a neighbour that a finger
-/// brushes is heard, even if it is up again at the end. `key_press` rewards neither lifting one of two wrong
-/// keys nor lifting a key half; this does.
+/// Minus the squared travel of the keys that are not due, summed: the penalty for wrong keys. A key
+/// that sounded before the step counts at its end, any other where it was deepest: a neighbour that
+/// a finger brushes is heard, even if it is up again at the end. `key_press` rewards neither
+/// lifting one of two wrong keys nor lifting a key half; this does.
 pub(super) fn wrong_travel(context: &StepContext) -> f64 {
     let travel = |key| {
         let lifted = context.pressed_before.contains(key);
         if lifted { context.world.key_travel(key) } else { context.world.deepest_travel(key) }
     };
-    let wrong = (0..KEYS).filter(|key| !context.due.contains(*key));
+    let wrong = (0..KEY_COUNT).filter(|key| !context.due.contains(*key));
     -wrong.map(|key| travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
 }
 
-/// Half for how far the keys to hold are down, half if no key sounds that is not due (RoboPianist, where all
-/// due keys are to hold).
+/// Half for how far the keys to hold are down, half if no key sounds that is not due (RoboPianist,
+/// where all due keys are to hold).
 pub(super) fn key_press(context: &StepContext) -> f64 {
     let held = context.held;
     let closeness: f64 =
@@ -48,8 +49,9 @@ pub(super) fn key_press(context: &StepContext) -> f64 {
 
 /// Distance up to which a finger gets the full reward, m; as in RP1M.
 pub(super) const OT_BOUND: f64 = 0.01;
-/// Further distance at which it gets a tenth, m. The papers give no number. With RoboPianist's 0.1 a finger
-/// on the white key next to the right one gets 0.96, with 0.05 it gets 0.85 (docs/results/learning.md).
+/// Further distance at which it gets a tenth, m. The papers give no number. With RoboPianist's 0.1
+/// a finger on the white key next to the right one gets 0.96, with 0.05 it gets 0.85
+///.
 pub(super) const OT_MARGIN: f64 = 0.05;
 
 /// Mean closeness of fingers to the due keys that lateral optimal transport assigns to them.
@@ -59,14 +61,14 @@ pub(super) fn optimal_transport(context: &StepContext) -> f64 {
         return 1.0;
     }
     let tips: [[f64; 3]; FINGERS] = std::array::from_fn(|finger| context.world.finger_pad(finger));
-    let mut targets = [[0.0; 3]; KEYS];
-    let mut lateral = [0.0; KEYS];
+    let mut targets = [[0.0; 3]; KEY_COUNT];
+    let mut lateral = [0.0; KEY_COUNT];
     for (slot, key) in due.iter().enumerate() {
         targets[slot] = context.world.key_target(key);
         lateral[slot] = targets[slot][1];
     }
     let count = due.len();
-    let mut chosen = [None; KEYS];
+    let mut chosen = [None; KEY_COUNT];
     assign(&lateral[..count], &tips.map(|tip| tip[1]), &mut chosen[..count]);
     let closeness: f64 = (0..count)
         .filter_map(|slot| chosen[slot].map(|finger| distance(&tips[finger], &targets[slot])))

@@ -1,9 +1,9 @@
 //! Lags of the hand behind its targets, measured in a world of their own.
 //!
-//! The lags depend on filters, limits, gains, masses and the springs of the keys, all of which may vary.
-//! So they are measured: one finger strikes one white and one black key and turns once, which takes a few
-//! milliseconds of computing. With the default `PhysicalParams` a strike takes 70 ms (black: 80) and a
-//! release 55 ms; motors with back-EMF, as in the preset `fast`, are slower.
+//! The lags depend on filters, limits, gains, masses and the springs of the keys, all of which may
+//! vary. So they are measured: one finger strikes one white and one black key and turns once, which
+//! takes a few milliseconds of computing. With the default `PhysicalParams` a strike takes 70 ms
+//! (black: 80) and a release 55 ms; motors with back-EMF, as in the preset `fast`, are slower.
 
 use etude_music::KeyEvent;
 use etude_stage::hand::JOINTS_PER_FINGER;
@@ -22,16 +22,16 @@ const TRIAL_KEYS: [usize; 2] = [24, 25];
 const TRIAL_STEPS: usize = 20;
 /// Lag that is assumed if the key does not sound in the trial, s.
 const UNKNOWN_SECS: f64 = 0.1;
-/// How much lower than usual the finger waits between two strikes of one key, m. The usual height is 6 mm
-/// over the key.
+/// How much lower than usual the finger waits between two strikes of one key, m. The usual height
+/// is 6 mm over the key.
 const LOWERED_M: [f64; 3] = [0.0, 0.002, 0.004];
 /// A small turn of the finger, rad.
 const TURN_RAD: f64 = 0.1;
 /// A key may cross its threshold this much before the end of a control step, s: one physics step.
 const MARGIN_SECS: f64 = 0.005;
 
-/// How late the hand is behind its targets, on a white and on a black key. A time is absent if it is
-/// longer than a second.
+/// How late the hand is behind its targets, on a white and on a black key. A time is absent if it
+/// is longer than a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lags {
     /// From the target that strikes until the key sounds, s: `[white, black]`.
@@ -72,10 +72,10 @@ impl Lags {
     }
 }
 
-/// The shortest time for which a white and a black key are silent when the hand strikes them again at
-/// once, s: `[white, black]`. The finger is lifted for as few control steps, and as little, as it needs for
-/// a silence of a control step, which a policy observes and a listener hears. Absent if it cannot within a
-/// second.
+/// The shortest time for which a white and a black key are silent when the hand strikes them again
+/// at once, s: `[white, black]`. The finger is lifted for as few control steps, and as little, as
+/// it needs for a silence of a control step, which a policy observes and a listener hears. Absent
+/// if it cannot within a second.
 ///
 /// # Errors
 /// If the world cannot be built.
@@ -160,8 +160,8 @@ fn whole_steps(lag_secs: Option<f64>) -> usize {
     ((lag_secs.unwrap_or(UNKNOWN_SECS) - MARGIN_SECS) / CONTROL_SECS).max(0.0) as usize
 }
 
-/// Mean lag of a turn about the finger's axis: the area between target and joint over the size of the
-/// step.
+/// Mean lag of a turn about the finger's axis: the area between target and joint over the size of
+/// the step.
 fn mean_turn_lag(world: &mut World) -> f64 {
     world.reset();
     let mut pose = world.start_pose();

@@ -1,7 +1,8 @@
 //! The scripted baseline: inverse kinematics and timing, no learning.
 //!
 //! It turns a [`Fingering`] into joint targets that compensate lags measured in advance (`motion`,
-//! `lags`), and plays them open loop, without feedback. It shows that a song can be played in this world.
+//! `lags`), and plays them open loop, without feedback. It shows that a song can be played in this
+//! world.
 
 mod lags;
 mod motion;
@@ -35,11 +36,12 @@ impl ScriptedBaseline {
         Self::new_with_progress(config, piece, &mut |_| {})
     }
 
-    /// The same for a piece that may be long: `on_progress` receives the share of its fingering that is
-    /// planned, 0 to 1.
+    /// The same for a piece that may be long: `on_progress` receives the share of its fingering
+    /// that is planned, 0 to 1.
     ///
     /// # Errors
-    /// If a physical parameter is out of range, or the world in which the lags are measured cannot be built.
+    /// If a physical parameter is out of range, or the world in which the lags are measured cannot
+    /// be built.
     pub fn new_with_progress(
         config: &TaskConfig,
         piece: &Piece,
@@ -56,8 +58,8 @@ impl ScriptedBaseline {
         Ok(Self { targets, range: TargetRange::new(piece), limits: fingering.limits().clone() })
     }
 
-    /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those
-    /// of the last step.
+    /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end,
+    /// those of the last step.
     pub fn targets(&self, step: usize) -> [f64; DRIVEN_JOINTS] {
         self.targets.get(step).or(self.targets.last()).copied().unwrap_or_default()
     }

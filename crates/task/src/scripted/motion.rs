@@ -1,7 +1,7 @@
 //! From a fingering to joint targets.
 //!
-//! The rail's predicted path is known, and every finger is turned to compensate it. A finger lifts, moves
-//! over its next key, waits, strikes, holds, lifts.
+//! The rail's predicted path is known, and every finger is turned to compensate it. A finger lifts,
+//! moves over its next key, waits, strikes, holds, lifts.
 
 use etude_music::key_is_black;
 use etude_stage::hand::JOINTS_PER_FINGER;
@@ -15,8 +15,8 @@ use crate::fingering::{Fingering, PlayedNote};
 
 /// Control steps in which a finger crosses the edge between white and black keys.
 const CROSS_STEPS: usize = 2;
-/// Control steps for which a lifted finger stays over its old key, so that it clears the fences before it
-/// moves sideways.
+/// Control steps for which a lifted finger stays over its old key, so that it clears the fences
+/// before it moves sideways.
 const LIFT_STEPS: usize = 1;
 /// Height of a finger that has nothing to play, m above its hover.
 const IDLE_RISE_M: f64 = 0.006;
@@ -38,7 +38,8 @@ impl FingerTrack<'_> {
         note.start.saturating_sub(self.lags.strike_steps(key_is_black(note.key)))
     }
 
-    /// Control step whose target lifts the finger after note `index`: always before the next strike.
+    /// Control step whose target lifts the finger after note `index`: always before the next
+    /// strike.
     fn release(&self, index: usize) -> usize {
         let note = self.notes[index];
         let release = note.end.saturating_sub(self.lags.release_steps(key_is_black(note.key)));

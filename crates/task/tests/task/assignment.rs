@@ -1,11 +1,13 @@
-//! The assignment of fingers to keys against brute force: every way to give each finger a key or none.
+//! The assignment of fingers to keys against brute force: every way to give each finger a key or
+//! none.
 
 use etude_stage::FINGERS;
 use etude_task::assign;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
-/// Most keys served, then least distance, over all `(keys + 1)^FINGERS` choices of a key or nothing for each finger.
+/// Most keys served, then least distance, over all `(keys + 1)^FINGERS` choices of a key or nothing
+/// for each finger.
 fn brute_force(keys: &[f64], fingers: &[f64; FINGERS]) -> (usize, f64) {
     let choices = keys.len() + 1;
     let mut best = (0, f64::INFINITY);

@@ -1,4 +1,5 @@
-//! What the tests share: short songs, configurations that stress the promise of reproducibility, and random actions.
+//! What the tests share: short songs, configurations that stress the promise of reproducibility,
+//! and random actions.
 
 use etude_learn::{StepBatch, VectorEnvironment};
 use etude_music::{KeySet, Note, Song};

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use etude_learn::{StepBatch, VectorEnvironment as _};
-use etude_music::{KeySet, Part, melodies, melody};
+use etude_music::{KeySet, Split, melodies, melody};
 use etude_task::{Corpus, CorpusConfig, Environment, Piece, TargetRange, TaskConfig, VectorPiano};
 
 use crate::bench::{Actions, batch, play};
@@ -48,14 +48,14 @@ fn what_is_trained_is_never_what_is_held_out() {
         let songs = melodies(part, 0).take(count);
         songs.map(|song| due(&Piece::for_task(&song, &task()).unwrap())).collect()
     };
-    let (validation, test) = (of(Part::Validation, 4), of(Part::Test, 4));
+    let (validation, test) = (of(Split::Validation, 4), of(Split::Test, 4));
     assert_eq!(corpus.validation().iter().map(due).collect::<BTreeSet<_>>(), validation);
     // Around the seeds of the held-out melodies, and far away from them.
-    let held_out = (0..200).filter(|seed| melody(*seed).part() != Part::Training).take(4);
+    let held_out = (0..200).filter(|seed| melody(*seed).split() != Split::Training).take(4);
     for number in held_out.chain([1, 2, 1 << 31]) {
         let piece = corpus.piece(number);
         let seed: u64 = piece.title().trim_start_matches("Melody ").parse().unwrap();
-        assert!(seed >= number && melody(seed).part() == Part::Training, "{number}: {}", piece.title());
+        assert!(seed >= number && melody(seed).split() == Split::Training, "{number}: {}", piece.title());
         assert!(!validation.contains(&due(&piece)) && !test.contains(&due(&piece)));
         assert_eq!(due(&piece), due(&corpus.piece(number)), "the same number, the same piece");
     }
@@ -63,9 +63,9 @@ fn what_is_trained_is_never_what_is_held_out() {
 
 #[test]
 fn a_folder_is_split_by_its_notes_and_what_does_not_fit_is_moved_or_left_out() {
-    let of = |part| (0..).filter(move |seed| short(*seed).part() == part);
-    let seeds: Vec<u64> = of(Part::Training).take(3).chain(of(Part::Validation).take(1)).collect();
-    let folder = folder(seeds.iter().copied().chain(of(Part::Test).take(1)));
+    let of = |part| (0..).filter(move |seed| short(*seed).split() == part);
+    let seeds: Vec<u64> = of(Split::Training).take(3).chain(of(Split::Validation).take(1)).collect();
+    let folder = folder(seeds.iter().copied().chain(of(Split::Test).take(1)));
     // Beyond the keyboard, in a folder of its own, and wider than the keyboard.
     std::fs::create_dir(folder.path().join("more")).unwrap();
     let high = short(seeds[3]);
@@ -94,8 +94,8 @@ fn a_folder_is_split_by_its_notes_and_what_does_not_fit_is_moved_or_left_out() {
     let learned: BTreeSet<String> = (0..20).map(|number| corpus.piece(number).title().to_string()).collect();
     let expected: BTreeSet<String> = seeds[..3].iter().map(|seed| format!("{seed:03}")).collect();
     assert_eq!(learned, expected);
-    // Two pieces are for validation, so two of the three learned ones, from all over the folder, are scored
-    // beside them.
+    // Two pieces are for validation, so two of the three learned ones, from all over the folder,
+    // are scored beside them.
     let sample = corpus.learned_sample();
     let titles: Vec<&str> = sample.iter().map(Piece::title).collect();
     assert_eq!(titles, [0, 2].map(|number| format!("{:03}", seeds[number])));

@@ -1,4 +1,5 @@
-//! A planned fingering where a policy meets it: its goals, the columns of the observation, the rail's range and the reward.
+//! A planned fingering where a policy meets it: its goals, the columns of the observation, the
+//! rail's range and the reward.
 
 use etude_music::{KeySet, Note, Song, repertoire};
 use etude_stage::geometry::{KeyShape, WHITE_PITCH, key_lateral};
@@ -13,7 +14,8 @@ fn with_fingering() -> TaskConfig {
     TaskConfig { fingering: true, ..TaskConfig::default() }
 }
 
-/// Middle C for half a second, then after half a second the C above it, both at the end of a second of silence.
+/// Middle C for half a second, then after half a second the C above it, both at the end of a second
+/// of silence.
 fn two_notes() -> (Song, Piece) {
     let note = |pitch, start_secs| Note { pitch, velocity: 64, start_secs, end_secs: start_secs + 0.5 };
     let song = Song::new("two notes", vec![note(60, 0.0), note(72, 1.0)], 2.0).unwrap();
@@ -238,7 +240,8 @@ fn a_strike_past_a_neighbour_costs_a_little_less_than_a_note_that_ends_early() {
         let piece = Piece::for_task(&song, &TaskConfig { change_steps: 2, ..with_fingering() }).unwrap();
         piece.fingering().unwrap().limits().lost_steps()
     };
-    // With the two at the same cost it is 14: longer moves of the rail, and no finger in another's way.
+    // With the two at the same cost it is 14: longer moves of the rail, and no finger in another's
+    // way.
     assert_eq!(lost("d-major-scale"), 10);
     // If the strike costs nothing it is 6.
     assert_eq!(lost("c-major-scale"), 8);

@@ -1,6 +1,6 @@
-//! What the choices that make the engine fast do to the music, and what some that were not made would: the shipped policies
-//! play in plain MuJoCo on the exported model, once as it is and once without each choice. `--nocapture` prints the table of
-//! `docs/physics.md`.
+//! What the choices that make the engine fast do to the music, and what some that were not made
+//! would: the shipped policies play in plain MuJoCo on the exported model, once as it is and once
+//! without each choice. `--nocapture` prints the table of `docs/physics.md`.
 
 use std::path::Path;
 use std::time::Instant;
@@ -51,7 +51,8 @@ fn at_hand(xml: &str) -> (String, String) {
     (rest.to_owned(), hand.to_owned())
 }
 
-/// Gravity; the hand's bodies float, and the springs of the keys hold them where they rest without it.
+/// Gravity; the hand's bodies float, and the springs of the keys hold them where they rest without
+/// it.
 fn gravity(xml: String) -> String {
     let (mut keys, hand) = at_hand(&swap(xml, r#"gravity="0 0 0""#, r#"gravity="0 0 -9.81""#));
     let stiffness = PhysicalParams::default().world(WorldRow::KeyStiffness);
@@ -64,7 +65,8 @@ fn gravity(xml: String) -> String {
     keys + &swap(hand, "<body name=", r#"<body gravcomp="1" name="#)
 }
 
-/// Every part of the hand tests contacts with every other (but the one it hangs on) and with keys and fences.
+/// Every part of the hand tests contacts with every other (but the one it hangs on) and with keys
+/// and fences.
 fn open_masks(xml: String) -> String {
     let (keys, mut hand) = at_hand(&xml);
     for closed in [
@@ -130,7 +132,8 @@ impl Player {
     }
 }
 
-/// Root mean squares of the differences of finger joints (rad) and of the rail (m) between two performances.
+/// Root mean squares of the differences of finger joints (rad) and of the rail (m) between two
+/// performances.
 fn apart(replica: &Replica, a: &[Moment], b: &[Moment]) -> [f64; 2] {
     [&replica.dofs[..RAIL], &replica.dofs[RAIL..]].map(|dofs| {
         let squares = a
@@ -212,7 +215,8 @@ fn what_makes_the_engine_fast_does_not_change_what_policies_play() {
             most(|row| row.apart[1]),
             mean(|row| row.time),
         );
-        // On another processor a contact may fall the other way: hence not as close as it is on one.
+        // On another processor a contact may fall the other way: hence not as close as it is on
+        // one.
         let close = most(|row| row.f1.abs()) < 0.02 && of_change().all(|row| row.alike > 0.97);
         assert!(close || !undoes, "{name}");
     }

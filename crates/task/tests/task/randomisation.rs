@@ -1,5 +1,5 @@
-//! Randomised worlds: another one for each episode, the same ones for the same seed, the nominal one at intensity 0, and none
-//! in which the simulation is unstable.
+//! Randomised worlds: another one for each episode, the same ones for the same seed, the nominal
+//! one at intensity 0, and none in which the simulation is unstable.
 
 use std::collections::BTreeMap;
 
@@ -58,7 +58,8 @@ fn a_drawn_world_is_in_force_from_the_first_step() {
     }
 }
 
-/// Steps `world` under random targets all over the joints' ranges, which change every other control step.
+/// Steps `world` under random targets all over the joints' ranges, which change every other control
+/// step.
 fn calm(world: &mut World, random: &mut Pcg64) -> Result<(), String> {
     let mut targets = world.start_pose();
     for step in 0..16 {
@@ -79,7 +80,8 @@ fn calm(world: &mut World, random: &mut Pcg64) -> Result<(), String> {
         }
         for (joint, position) in world.joints().iter().enumerate() {
             let [low, high] = joint_range(joint);
-            // Stops are soft, and position actuators throw the hand against them with torques without limit.
+            // Stops are soft, and position actuators throw the hand against them with torques
+            // without limit.
             let beyond = if world.config().actuation == Actuation::Position { 10.0 } else { high - low };
             if !(low - beyond..=high + beyond).contains(position) {
                 return Err(format!("joint {joint} at {position} in step {step}"));
@@ -92,7 +94,8 @@ fn calm(world: &mut World, random: &mut Pcg64) -> Result<(), String> {
 #[test]
 fn worlds_of_full_intensity_stay_calm_under_random_actions() {
     let mut random = Pcg64::seed_from_u64(8);
-    // As identified robots may be: stiffer and more damped than the defaults, with delays, dry friction and an arm's limits.
+    // As identified robots may be: stiffer and more damped than the defaults, with delays, dry
+    // friction and an arm's limits.
     let mut other = nominal();
     for (path, value) in [
         ("joint.fingers.stiffness", 6.0),

@@ -100,7 +100,8 @@ fn fingers_earn_for_the_keys_that_the_cheapest_lateral_assignment_gives_them() {
             let pairs = (0..FINGERS).flat_map(|a| (0..FINGERS).map(move |b| (a, b))).filter(|(a, b)| a != b);
             let cost = |(a, b): &(usize, usize)| aside(*a, one) + aside(*b, other);
             let (a, b) = pairs.min_by(|x, y| cost(x).total_cmp(&cost(y))).unwrap();
-            // Two assignments may cost the same from side to side; both fingers' order along the keyboard decides then.
+            // Two assignments may cost the same from side to side; both fingers' order along the
+            // keyboard decides then.
             let mean = |a, b| 0.5 * (closeness(a, one) + closeness(b, other));
             let (value, swapped) = (earned(&[one, other]), (cost(&(a, b)) - cost(&(b, a))).abs() < 1e-12);
             assert!(
@@ -238,7 +239,8 @@ fn keys_that_are_not_due_cost_by_how_far_they_are_down() {
         assert_near(value, squares(&|key| world.key_travel(key)), "keys that are let go");
         assert!(value > last || value > -1e-3, "{value} after {last}");
         last = value;
-        // Had they been silent before the step, they would count where they were deepest in it, which is near its beginning.
+        // Had they been silent before the step, they would count where they were deepest in it,
+        // which is near its beginning.
         let brushed = wrong(KeySet::EMPTY);
         assert_near(brushed, squares(&|key| world.deepest_travel(key)), "keys that are brushed");
         for (key, before) in [24, 26, 31].into_iter().zip(before) {
@@ -268,7 +270,8 @@ fn a_finger_earns_for_its_own_goal_and_for_no_other() {
         |key: usize, wait_steps| Some(Goal { key, over: [0.0; 2], wait_steps, age_steps: 4, velocity: 64 });
     let away = |finger: usize, key: usize| {
         let (pad, mut target) = (world.finger_pad(finger), world.key_target(key));
-        // Where the fingering presses, 28 mm and 34 mm from the middle of the key's length, and not where the paper's reward aims.
+        // Where the fingering presses, 28 mm and 34 mm from the middle of the key's length, and not
+        // where the paper's reward aims.
         target[0] += if key_is_black(key) { 0.034 - 0.35 * 0.045 } else { 0.028 - 0.35 * 0.075 };
         let squares = (0..3).map(|axis| (pad[axis] - target[axis]).powi(2));
         tolerance(squares.sum::<f64>().sqrt(), 0.01, 0.05)
@@ -320,7 +323,8 @@ fn a_strike_earns_by_how_near_it_is_to_the_velocity_of_its_note() {
             assert_near(earned(name, struck + 7, 0, velocity, &[]), 0.0, "a note that is not struck");
             assert_near(earned(name, struck, 2, velocity, &[]), 0.0, "a note that sounds already");
         }
-        // A soft strike may come a control step late. A key that sounded before is struck once more, which no note asks for.
+        // A soft strike may come a control step late. A key that sounded before is struck once
+        // more, which no note asks for.
         let late = |name: &str, sounded: &[usize]| earned(name, struck, 1, velocity, sounded);
         assert_near(late("dynamics", &[]), tolerance(error, 0.05, 0.5), "a step late");
         assert_near(late("dynamics", &[struck]), 0.0, "struck again");

@@ -1,5 +1,5 @@
-//! Saved state: continuing is the same as not stopping, and bytes that are no saved state are refused, never a panic
-//! and never the end of the process.
+//! Saved state: continuing is the same as not stopping, and bytes that are no saved state are
+//! refused, never a panic and never the end of the process.
 
 use etude_learn::VectorEnvironment as _;
 use etude_task::{TaskConfig, VectorPiano};
@@ -59,7 +59,8 @@ fn bytes_that_are_no_state_are_refused() {
     assert!(message.contains('3') && message.contains('2'), "{message}");
 }
 
-/// Random damage: some of it is refused, the rest is another valid state; the worlds step on in any case.
+/// Random damage: some of it is refused, the rest is another valid state; the worlds step on in any
+/// case.
 #[test]
 fn damaged_states_are_refused_or_played_but_never_panic() {
     let mut piano = piano(&restless(), 1);
@@ -90,8 +91,8 @@ fn damaged_states_are_refused_or_played_but_never_panic() {
     assert_eq!(piano.save_state(), saved, "and a sound one still loads");
 }
 
-/// The saved state of one environment, with its numbers at hand. The generator's are too long for a JSON value, so they
-/// are kept as text.
+/// The saved state of one environment, with its numbers at hand. The generator's are too long for a
+/// JSON value, so they are kept as text.
 struct Saved {
     value: serde_json::Value,
     random: String,
@@ -161,7 +162,8 @@ fn numbers(value: &serde_json::Value, path: String) -> Vec<String> {
     }
 }
 
-/// MuJoCo ends the whole process over sleeping trees that are not in a cycle, so they must never reach it.
+/// MuJoCo ends the whole process over sleeping trees that are not in a cycle, so they must never
+/// reach it.
 #[test]
 fn broken_sleep_cycles_are_refused() {
     let mut piano = VectorPiano::new(&nominal(), &short_piece(), 1, 1).unwrap();

@@ -1,5 +1,5 @@
-//! The promises of `VectorEnvironment`: the same bytes on any number of threads, and episodes that start over by
-//! themselves and are never terminal.
+//! The promises of `VectorEnvironment`: the same bytes on any number of threads, and episodes that
+//! start over by themselves and are never terminal.
 
 use etude_learn::{StepBatch, VectorEnvironment as _};
 use etude_task::{Environment, TaskConfig, VectorPiano};
@@ -101,7 +101,8 @@ fn the_binary_columns_are_exactly_binary() {
     assert!(ones > 0);
 }
 
-/// A reward without terms is odd but allowed, for instance while everything is tried one by one; the worlds still move.
+/// A reward without terms is odd but allowed, for instance while everything is tried one by one;
+/// the worlds still move.
 #[test]
 fn environments_step_without_any_reward_term() {
     let mut config = nominal();

@@ -75,7 +75,8 @@ fn the_columns_are_what_they_are_said_to_be() {
     assert!((out[0] - shown(&piece, 0, 0.0, 0.0, KeySet::EMPTY)[0]).abs() < 1e-9, "fingers as ever");
     assert!(out[tips..places].iter().any(|value| *value != 0.0));
 
-    // The middle of the window is the slot nearest to the rail's place, and the first column says how far it is.
+    // The middle of the window is the slot nearest to the rail's place, and the first column says
+    // how far it is.
     let half = WHITE_PITCH / 2.0;
     let middle = (place / half).round();
     assert!((f64::from(out[places]) - (place / WHITE_PITCH - middle / 2.0)).abs() < 1e-5);
@@ -104,7 +105,8 @@ fn the_columns_are_what_they_are_said_to_be() {
     assert!(black.len() >= 6);
     expect(rows[config.lookahead + 2], &black);
 
-    // Where the place moves within the steps that are shown, the columns after the first say how far.
+    // Where the place moves within the steps that are shown, the columns after the first say how
+    // far.
     let rail = piece.fingering().unwrap().rail();
     let leap = (0..rail.len() - 1).max_by(|a, b| {
         let way = |step: usize| (rail[step + 1] - rail[step]).abs();

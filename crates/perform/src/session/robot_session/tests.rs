@@ -135,8 +135,8 @@ fn a_guard_of_other_devices_than_the_controllers_is_refused() {
     }
 }
 
-/// Lets a controller act on a twin with these faults. If the machine was too busy for the controller or the echo, which has no real-time
-/// priority: once more.
+/// Lets a controller act on a twin with these faults. If the machine was too busy for the
+/// controller or the echo, which has no real-time priority: once more.
 fn on_a_twin(faults: &[&str], act: impl Fn(&mut Session, &Watch<'_>)) {
     for _ in 0..3 {
         let folder = tempfile::tempdir().unwrap();

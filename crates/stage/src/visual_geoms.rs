@@ -1,5 +1,5 @@
-//! Shapes without physics that make the hand look like an Allegro hand, and the rail that it slides on. MuJoCo's model has none of
-//! them, so they cost nothing while it runs.
+//! Shapes without physics that make the hand look like an Allegro hand, and the rail that it slides
+//! on. MuJoCo's model has none of them, so they cost nothing while it runs.
 
 use crate::config::StageConfig;
 use crate::geometry::HALF_WIDTH;
@@ -9,7 +9,7 @@ use crate::hand::{
 };
 
 /// A shape on a body of the model.
-pub(crate) struct Ornament {
+pub(crate) struct VisualGeom {
     /// Name of the body; empty for the world.
     pub body: String,
     pub name: &'static str,
@@ -43,8 +43,8 @@ const BEAM: [f64; 2] = [0.008, 0.012];
 /// Place of the adapter's far end in the palm frame, m: the flange of an arm is there.
 pub const FLANGE_END: [f64; 3] = [PALM_CENTRE[0], 0.0, -PALM_SIZE[2] - 2.0 * FLANGE[1]];
 
-pub(crate) fn ornaments(config: &StageConfig) -> Vec<Ornament> {
-    let on = |body: &str, kind, size, pos, quat, rgba| Ornament {
+pub(crate) fn visual_geoms(config: &StageConfig) -> Vec<VisualGeom> {
+    let on = |body: &str, kind, size, pos, quat, rgba| VisualGeom {
         body: body.to_string(),
         name: "",
         kind,
@@ -93,6 +93,6 @@ pub(crate) fn ornaments(config: &StageConfig) -> Vec<Ornament> {
     // In the world: behind the adapter's far end.
     let at = [back - FLANGE_END[2] + BEAM[0], 0.0, up - FLANGE_END[0]];
     let size = [BEAM[0], HALF_WIDTH + 0.09, BEAM[1]];
-    all.push(Ornament { name: RAIL_BEAM, ..on("", "box", size, at, STRAIGHT, METAL) });
+    all.push(VisualGeom { name: RAIL_BEAM, ..on("", "box", size, at, STRAIGHT, METAL) });
     all
 }
