@@ -100,7 +100,7 @@ pub struct Fence {
 /// Height of the fences' tops relative to the tops of the white keys at rest, m; negative is below.
 /// A fingertip that comes down off the middle then reaches its key before it meets a fence, and a
 /// pressed key is well below the fences on both sides. Our choice, since the paper shows the fences
-/// without a size; docs/results/learning.md compares others.
+/// without a size.
 pub const FENCE_RISE: f64 = -0.002;
 /// Sliding friction of the fences. They are slippery plastic (paper, appendix), so that a fingertip
 /// that comes down on a fence slides onto a key.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use etude_checks::check_range;
 use etude_learn::seed::fnv;
-use etude_music::{Split, Song, SongError, melodies};
+use etude_music::{Song, SongError, Split, melodies};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

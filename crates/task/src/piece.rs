@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use etude_music::{CONTROL_HZ, KeySet, Note, KeySchedule, KeyScheduleConfig, Song, SongError};
+use etude_music::{CONTROL_HZ, KeySchedule, KeyScheduleConfig, KeySet, Note, Song, SongError};
 
 use crate::fingering::{Fingering, Goals, Strokes};
 

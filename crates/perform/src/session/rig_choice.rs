@@ -17,7 +17,7 @@ use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Robot, propose_fence};
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams, Side, StageConfig, StageError, World};
-use etude_twin::{Lockstep, TwinParams, Twin, TwinError, calibration, stage_side};
+use etude_twin::{Lockstep, Twin, TwinError, TwinParams, calibration, stage_side};
 
 /// Name of the twin on the command line and in recordings.
 pub const TWIN: &str = "twin";
@@ -25,7 +25,7 @@ pub const TWIN: &str = "twin";
 /// A robot to play on.
 #[derive(Clone, Debug)]
 pub enum RigChoice {
-    /// A twin with this twin_params, in lockstep.
+    /// A twin with this parameter set, in lockstep.
     Twin(Box<TwinParams>),
     /// The rig that this file describes.
     File {
@@ -47,7 +47,7 @@ impl RigChoice {
         }
     }
 
-    /// Its name; of a twin with its twin_params.
+    /// Its name; of a twin with its parameters.
     pub fn label(&self) -> String {
         match self {
             Self::Twin(twin_params) => format!("{TWIN} ({})", twin_params.name()),
@@ -76,7 +76,7 @@ impl RigChoice {
         matches!(self, Self::Twin(_))
     }
 
-    /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin's twin_params; `side` is
+    /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin parameters; `side` is
     /// the hand that the policy plays with.
     ///
     /// # Errors
@@ -189,7 +189,7 @@ fn hand_side(side: Side) -> HandSide {
 /// long work.
 ///
 /// # Errors
-/// If another process has the robot, or the twin_params of the twin or the rig's file is not valid.
+/// If another process has the robot, or the parameter set of the twin or the rig's file is not valid.
 pub fn rig_choice(robot: &str, twin_params: &str) -> Result<RigChoice, SessionError> {
     if robot == TWIN {
         return Ok(RigChoice::Twin(Box::new(TwinParams::load(twin_params).map_err(TwinError::from)?)));

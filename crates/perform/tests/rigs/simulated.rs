@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use etude_learn::{Evaluator as _, Score};
-use etude_music::{CONTROL_HZ, KeyEvent, KeySet, Note, Split, Song, melody, repertoire};
+use etude_music::{CONTROL_HZ, KeyEvent, KeySet, Note, Song, Split, melody, repertoire};
 use etude_perform::{Ending, Performance, SimRig, SongEvaluator, perform};
 use etude_stage::hand::{TIP_RADIUS, root_lateral};
 use etude_stage::{PhysicalParams, RAIL, World, kinematics};
