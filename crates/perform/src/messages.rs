@@ -92,8 +92,9 @@ pub struct Header {
     pub joints: Vec<String>,
     /// MIDI numbers of the keys that are due in each control step.
     pub due: Vec<Vec<u8>>,
-    /// On a robot: F1 compares the keys that are due in a control step with those that sound this time after its end, s. `None` in a
-    /// simulation, where it is those that sound at its end, and without a song.
+    /// On a robot: F1 compares the keys that are due in a control step with those that sound this
+    /// time after its end, s. `None` in a simulation, where it is those that sound at its end, and
+    /// without a song.
     pub late_secs: Option<f64>,
     /// The notes that are due.
     pub due_notes: Vec<DueNote>,

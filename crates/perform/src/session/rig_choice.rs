@@ -76,8 +76,8 @@ impl RigChoice {
         matches!(self, Self::Twin(_))
     }
 
-    /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin parameters; `side` is
-    /// the hand that the policy plays with.
+    /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin parameters; `side`
+    /// is the hand that the policy plays with.
     ///
     /// # Errors
     /// If the rig's file, its calibration or its wires cannot be used.
@@ -189,7 +189,8 @@ fn hand_side(side: Side) -> HandSide {
 /// long work.
 ///
 /// # Errors
-/// If another process has the robot, or the parameter set of the twin or the rig's file is not valid.
+/// If another process has the robot, or the parameter set of the twin or the rig's file is not
+/// valid.
 pub fn rig_choice(robot: &str, twin_params: &str) -> Result<RigChoice, SessionError> {
     if robot == TWIN {
         return Ok(RigChoice::Twin(Box::new(TwinParams::load(twin_params).map_err(TwinError::from)?)));

@@ -6,7 +6,7 @@ use etude_music::KeySet;
 use etude_perform::Recording;
 use etude_stage::{DRIVEN_JOINTS, StepOutcome, World};
 use etude_task::fingering::Goals;
-use etude_task::reward::{StepContext, FINGERING_TERMS, Reward};
+use etude_task::reward::{FINGERING_TERMS, Reward, StepContext};
 use etude_task::{ACTION_LEN, TaskConfig};
 use serde::Serialize;
 
