@@ -16,7 +16,9 @@ import sys
 
 from tables.common import COMMANDS, ROOT, Stopped
 
-MODULES = ["experiments", "identification", "iterations", "learning", "robot", "sight", "wall_clock", "wrong_keys"]
+MODULES = [
+    "experiments", "identification", "iterations", "learning", "robot", "sight", "wall_clock", "wrong_keys",
+]
 MARK = "<!-- tables.py "
 
 
@@ -26,7 +28,7 @@ def parser():
     subcommands.add_parser("check", help="compare the tables that are made from committed files with the pages")
     for name, (function, arguments) in sorted(COMMANDS.items()):
         text = function.__doc__
-        more = dict(help=text.partition("\n")[0].rstrip("."), description=text)
+        more = dict(help=text.partition("\n")[0].rstrip(".").replace("%", "%%"), description=text)
         subcommand = subcommands.add_parser(name, formatter_class=argparse.RawDescriptionHelpFormatter, **more)
         for names, settings in arguments:
             subcommand.add_argument(*names, **settings)
@@ -63,7 +65,7 @@ def check():
                 wrong += 1
                 print(f"{page.relative_to(ROOT)}: not what `scripts/tables.py {command}` prints:", *expected, sep="\n")
     print(f"tables: {count - wrong} of {count} are what their commands print")
-    return int(wrong > 0)
+    return int(wrong > 0 or count == 0)
 
 
 def main():
