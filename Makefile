@@ -57,6 +57,7 @@ lint: setup
 	$(CARGO) fmt --all --check
 	$(PYTHON) scripts/check_imports.py
 	$(PYTHON) scripts/check_links.py docs README.md ARCHITECTURE.md
+	$(PYTHON) scripts/tables.py check
 	@if pkg-config --exists alsa 2>/dev/null; then hardware="--features etude/hardware"; \
 	else echo "not checked: --features hardware (Debian, Ubuntu: apt-get install -y pkg-config libasound2-dev)"; fi; \
 	set -x; $(CARGO) clippy --workspace --all-targets $$hardware --locked -- -D warnings
