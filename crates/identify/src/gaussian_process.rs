@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_through_its_points_and_is_sure_of_them() {
+    fn it_passes_through_its_points_with_little_deviation() {
         let points = grid(4);
         let heights: Vec<f64> = points.iter().map(|p| (3.0 * p[0]).sin() + p[1] * p[1]).collect();
         let process = GaussianProcess::fit(&points, &heights).unwrap();

@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn silly_rates_are_refused() {
+    fn rates_out_of_range_are_refused() {
         let song = Song::new("", vec![note(60, 0.0, 1.0)], 0.0).unwrap();
         for rate in [0.0, -20.0, f64::NAN, f64::INFINITY, 1e9] {
             assert!(song.frames(rate).unwrap_err().to_string().contains("control_hz is "), "{rate}");

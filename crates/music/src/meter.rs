@@ -1,4 +1,4 @@
-//! Bars and beats of a song, which messages name beside the seconds.
+//! Bars and beats of a song, which messages name with the seconds.
 //!
 //! The grid is a list of segments, each with one tempo and one time signature. It may begin in the
 //! middle of a bar (a pickup), and later than the song (silence in front).

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn slips_are_found() {
+    fn mistakes_are_found() {
         for (music, token) in
             [("C4 X4", 2), ("C4:0", 1), ("C4:x", 1), ("C4:4 | D4:3 | E4", 4), ("C4:5 |", 2), ("C4:NaN", 1)]
         {

@@ -18,7 +18,7 @@ pub const PLAYING_FINGERS: usize = 3;
 /// Distance between neighbouring fingertips at rest, in millimetres (palm of the Allegro hand).
 pub const FINGER_SPACING_MM: f64 = 43.5;
 /// How far a fingertip can move laterally to press the middle of a key, in millimetres to each
-/// side. A judgement: the finger's first joint turns it about its own axis, which moves a curled
+/// side. Estimated: the finger's first joint turns it about its own axis, which moves a curled
 /// fingertip sideways by about a quarter of the spacing.
 pub const FINGER_LATERAL_RANGE_MM: f64 = 12.0;
 /// Width of the keyboard over its number of white keys, in millimetres: 674 mm for 29, as measured
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_lie_where_they_lie() {
+    fn keys_have_their_lateral_positions() {
         for (low, high, whites) in [(60, 61, 0.5), (64, 65, 1.0), (59, 60, 1.0), (36, 84, 28.0)] {
             let span = (key_centre_mm(high) - key_centre_mm(low)) / WHITE_KEY_PITCH_MM;
             assert!((span - whites).abs() < 1e-9, "{low} {high}: {span}");

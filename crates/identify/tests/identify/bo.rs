@@ -59,7 +59,7 @@ fn twelve_parameters_are_not_too_many() {
 }
 
 #[test]
-fn where_nothing_can_be_evaluated_it_gives_up() {
+fn a_fit_without_any_successful_evaluation_ends() {
     let config = MethodConfig::Bo(BoConfig::default());
     let mut fit = Fit::new(problem(&[[0.0, 1.0]], &[0.5], 1), &config, 0).unwrap();
     while fit.finished().is_none() {

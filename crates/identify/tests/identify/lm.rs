@@ -131,7 +131,7 @@ fn a_delay_and_a_low_pass_are_separated() {
 }
 
 #[test]
-fn huber_forgives_an_outlier_that_squares_do_not() {
+fn the_huber_loss_bounds_the_influence_of_an_outlier() {
     let line = |x: &[f64]| -> Vec<f64> {
         let datum = |k: usize| 0.3 * k as f64 + if k == 15 { 500.0 } else { 0.0 };
         (0..20).map(|k| x[0] * k as f64 - datum(k)).collect()
@@ -151,7 +151,7 @@ fn huber_forgives_an_outlier_that_squares_do_not() {
 }
 
 #[test]
-fn failures_beside_the_optimum_and_on_the_way_are_survived() {
+fn failures_near_the_optimum_and_before_it_do_not_end_the_fit() {
     // Beyond 0.7 in the first parameter the simulation fails; the optimum is just below.
     let problem = problem(&[[0.0, 1.0], [0.0, 1.0]], &[0.1, 0.1], 3);
     for differences in [Differences::Forward, Differences::Central] {

@@ -140,7 +140,7 @@ fn threads_and_overlap_change_nothing() {
 }
 
 #[test]
-fn what_lies_among_the_replay_segments_does_no_harm_and_comes_to_none() {
+fn other_files_among_the_replay_segments_are_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let replay = folder.path().join("checkpoints/replay");
     fs::create_dir_all(replay.join("cannot-be-removed.replay/as-a-file")).unwrap();

@@ -3,10 +3,10 @@
 //! The actor is taken over and, from a run with a checkpoint, also the policy (the average of the
 //! actor), both critics, their targets and the temperature. Replay buffer, optimiser, random
 //! streams and counts are new. During the warm-up the policy acts, instead of random actions, and
-//! there are no updates, so that the first batches are drawn from more than a few steps. New
-//! critics would spoil the actor of a policy file; so in that case they learn alone for the first
-//! `CRITICS_ALONE_UPDATES` updates, and the temperature starts at a value typical late in a
-//! training.
+//! there are no updates, so that the first batches are drawn from more than a few steps. Gradients
+//! of new critics would degrade the actor of a policy file; so in that case the critics learn alone
+//! for the first `CRITICS_ALONE_UPDATES` updates, and the temperature starts at a value typical
+//! late in a training.
 //!
 //! Scores drop when updates begin, because the replay buffer is small and holds little but the
 //! policy's own actions. A longer warm-up, which takes little time, makes the drop smaller. The

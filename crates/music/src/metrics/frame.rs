@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn breaking_off_costs() {
+    fn an_interrupted_performance_loses_the_rest() {
         let due = [KeySet::from_pitches([60]); 4];
         let scores = frame_scores(&due, &due[..1]);
         assert_eq!((scores.f1, scores.precision, scores.pooled_recall), (0.25, 1.0, 0.25));

@@ -11,7 +11,7 @@ use super::matching::{ONSET_SECS, matched_with_offset, pairs_within};
 use super::share;
 use crate::note::Note;
 
-/// A note that comes later or earlier than this is not the same note, s (a judgement; the time
+/// A note that comes later or earlier than this is not the same note, s (our choice; the time
 /// between two eighths at 120 a minute).
 const MAX_LAG_SECS: f64 = 0.25;
 

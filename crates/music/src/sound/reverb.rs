@@ -8,7 +8,7 @@ const LINES: usize = 8;
 const DELAYS_SECS: [f64; LINES] = [0.0147, 0.0179, 0.0211, 0.0239, 0.0277, 0.0319, 0.0353, 0.0397];
 /// Time in which the reverberation falls by 60 dB, in seconds.
 const FALL_SECS: f64 = 0.7;
-/// Part of each reflection that is smoothed away: walls swallow high notes first.
+/// Part of each reflection that is smoothed away: walls absorb high notes more.
 const DULLNESS: f32 = 0.35;
 /// Level of the reverberation beside the direct sound.
 const WET: f32 = 0.16;
