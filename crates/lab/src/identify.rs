@@ -123,7 +123,7 @@ pub fn identify_robot(
     let paths: Vec<PathBuf> = what.recordings.iter().chain(&what.held_out).cloned().collect();
     let all = Motion::load_all(&paths)?;
     let is_held_out =
-        |motion: &Motion| motion.mode == Excitation::Held.name() || what.held_out.contains(&motion.path);
+        |motion: &Motion| motion.mode == Excitation::HeldOut.name() || what.held_out.contains(&motion.path);
     let (held_out, fitted): (Vec<Motion>, Vec<Motion>) = all.into_iter().partition(is_held_out);
     let Some(first) = fitted.first() else {
         bail!("all recordings are held out; give some to fit (`etude record --excitation chirp`)");

@@ -185,7 +185,7 @@ pub(crate) fn keep(files: &Files, performance: &Performance, font: Option<&Sound
     let (notes, piece) = (performance.notes(), &performance.piece);
     sound::write_wav(&files.wav, &sound::render(&notes, font)?)?;
     Song::new(piece.title(), notes, performance.secs())?.save(&files.midi)?;
-    Ok(write_frames_csv(&files.frames, piece.frames(), Some(&performance.heard()))?)
+    Ok(write_frames_csv(&files.frames, piece.frames(), Some(&performance.keys_heard()))?)
 }
 
 /// Writes a report beside the files of a performance.

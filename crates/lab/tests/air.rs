@@ -15,7 +15,7 @@ use etude_twin::TwinParams;
 fn a_hand_in_the_air_has_no_contact() {
     let folder = tempfile::tempdir().unwrap();
     for twin_params in ["standard", "random:7"] {
-        for excitation in [Excitation::OpenClose, Excitation::Chirp, Excitation::Rail, Excitation::Held] {
+        for excitation in [Excitation::OpenClose, Excitation::Chirp, Excitation::Rail, Excitation::HeldOut] {
             let rig = RigChoice::Twin(Box::new(TwinParams::load(twin_params).unwrap()));
             let path = folder.path().join("air.mcap");
             record_robot(&rig, Recorded::Excitation(excitation), true, 0, &path, &AtomicBool::new(false))

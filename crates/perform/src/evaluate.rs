@@ -43,7 +43,7 @@ impl SongEvaluator {
     /// An evaluator for `piece`.
     ///
     /// # Errors
-    /// If the configuration is not sound.
+    /// If the configuration is not valid.
     pub fn new(task: &TaskConfig, piece: &Piece) -> Result<Self, TaskError> {
         Self::of_pieces(task, std::slice::from_ref(piece), &[])
     }
@@ -52,7 +52,7 @@ impl SongEvaluator {
     /// learned ones.
     ///
     /// # Errors
-    /// If the configuration is not sound.
+    /// If the configuration is not valid.
     pub fn of_corpus(task: &TaskConfig, corpus: &Corpus) -> Result<Self, TaskError> {
         Self::of_pieces(task, corpus.validation(), &corpus.learned_sample())
     }

@@ -47,9 +47,18 @@ impl std::str::FromStr for Mode {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|mode| mode.name() == text);
-        found.ok_or_else(|| {
-            format!("no mode is called `{text}`; there are: {}", Self::ALL.map(Self::name).join(", "))
-        })
+        by_name("mode", &Self::ALL, Self::name, text)
     }
+}
+
+/// The value that is called `text`; an error lists the names of all.
+pub(crate) fn by_name<T: Copy>(
+    what: &str,
+    all: &[T],
+    name: fn(T) -> &'static str,
+    text: &str,
+) -> Result<T, String> {
+    let names = || all.iter().map(|value| name(*value)).collect::<Vec<_>>().join(", ");
+    let found = all.iter().copied().find(|value| name(*value) == text);
+    found.ok_or_else(|| format!("no {what} is called `{text}`; there are: {}", names()))
 }

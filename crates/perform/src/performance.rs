@@ -120,7 +120,7 @@ impl Performance {
 
     /// Keys that were heard for each control step of the piece: in a simulation at its end, on a
     /// robot [`Piece::late_secs`] later; silence after an early end.
-    pub fn heard(&self) -> Vec<KeySet> {
+    pub fn keys_heard(&self) -> Vec<KeySet> {
         let steps = self.piece.steps();
         match self.robot {
             Some(_) => {
@@ -161,7 +161,7 @@ impl Performance {
     /// of the key events.
     pub fn scores(&self) -> Scores {
         Scores {
-            frame: frame_scores(self.piece.frames(), &self.heard()),
+            frame: frame_scores(self.piece.frames(), &self.keys_heard()),
             note: note_scores(self.piece.notes(), &self.notes()),
         }
     }
@@ -204,8 +204,9 @@ mod tests {
     use etude_task::TaskConfig;
 
     /// A player that strikes and releases every key at the time of the song is right in every
-    /// control step, whatever the lead; 20 ms early or late is still within the step, 30 ms is not.
-    /// A lead below half a step is the simulation's: its keys are read at the end of the step.
+    /// control step, whatever the latency compensation; 20 ms early or late is still within the
+    /// step, 30 ms is not. One below half a step is the simulation's: its keys are read at the end
+    /// of the step.
     #[test]
     fn a_robot_is_scored_on_the_songs_own_time() {
         let song = repertoire::get("twinkle").expect("built in");
@@ -228,11 +229,11 @@ mod tests {
             };
             assert!(
                 [-0.02, 0.0, 0.02].iter().all(|late_secs| f1(*late_secs) == 1.0),
-                "lead {latency_compensation_secs}"
+                "compensation {latency_compensation_secs}"
             );
             assert!(
                 [-0.03, 0.03].iter().all(|late_secs| f1(*late_secs) < 0.95),
-                "lead {latency_compensation_secs}"
+                "compensation {latency_compensation_secs}"
             );
         }
         let early = TaskConfig {

@@ -11,9 +11,9 @@ use crate::timing::Timing;
 use crate::{PerformError, Recorder, RecordingWriter};
 
 /// Time limit for the start of the devices, and again for the slow move to the keyboard.
-const PREPARATION: Duration = Duration::from_secs(120);
+const PREPARATION_TIMEOUT: Duration = Duration::from_secs(120);
 /// Time between two checks of the robot's phase.
-const WAIT: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// The reason of a stop that has no fault.
 pub(crate) const STOPPED: &str =
     "it was stopped by `etude robot stop`, or its guard process has ended: give the same command again";
@@ -71,7 +71,7 @@ fn wait_for(
 ) -> Result<(), PerformError> {
     let begun = pace.now();
     loop {
-        let next = pace.now() + WAIT;
+        let next = pace.now() + POLL_INTERVAL;
         pace.run_until(robot, next);
         let times = RobotRecords::since(pace.now());
         take_records(robot, pace, |records| times.write_all(records, recorder, &mut Timing::default()))?;
@@ -85,7 +85,7 @@ fn wait_for(
                 return Err(PerformError::Interrupted);
             }
             Phase::Stopped => return Err(PerformError::NotReady(STOPPED.to_string())),
-            phase if next.saturating_sub(begun) > PREPARATION => {
+            phase if next.saturating_sub(begun) > PREPARATION_TIMEOUT => {
                 let waiting = robot.keyboard().state();
                 let why = format!(
                     "it is still {} after two minutes ({waiting}); check the devices with `etude robot monitor`",

@@ -27,7 +27,7 @@ const CHUNK_BYTES: u64 = 64 * 1024;
 /// Largest number of messages that wait for the disk, about two minutes of a robot. When the queue
 /// is full, [`RecordingWriter::write`] blocks: a robot's controller does not call it, but the
 /// thread that works beside it.
-const WAITING: usize = 65_536;
+const MAX_QUEUED: usize = 65_536;
 
 /// Opcode of the records that fill a page up. Readers skip records whose opcodes they do not know.
 const FILLER: u8 = 0x80;
@@ -61,7 +61,7 @@ impl Write for Pending {
 }
 
 /// One message on its way to the file.
-struct Line {
+struct QueuedMessage {
     header: MessageHeader,
     text: Vec<u8>,
     flush: bool,
@@ -77,7 +77,7 @@ pub struct RecordingWriter {
     /// Times of the performance and of the robot's clock when a chunk was written last.
     flushed_secs: [f64; 2],
     /// `None` once the file is complete.
-    lines: Option<SyncSender<Line>>,
+    lines: Option<SyncSender<QueuedMessage>>,
     thread: Option<JoinHandle<()>>,
     failed: Arc<OnceLock<String>>,
 }
@@ -94,14 +94,14 @@ impl RecordingWriter {
         let records = take_whole(&mut writer, &pending, 0).map_err(|error| fail(cause(&error)))?;
         let file = begin_file(path, &records)?;
         let failed = Arc::new(OnceLock::new());
-        let (lines, waiting) = sync_channel(WAITING);
-        let told = Arc::clone(&failed);
+        let (lines, waiting) = sync_channel(MAX_QUEUED);
+        let failure = Arc::clone(&failed);
         let thread = std::thread::Builder::new()
             .name("recording".to_string())
             .spawn(move || {
                 if let Err(error) = write_lines(writer, &pending, file, &waiting) {
                     // Only this thread sets it while it runs.
-                    let _ = told.set(cause(&error));
+                    let _ = failure.set(cause(&error));
                 }
             })
             .map_err(|error| fail(error.to_string()))?;
@@ -173,7 +173,7 @@ impl RecordingWriter {
         if flush {
             self.flushed_secs = std::array::from_fn(|clock| times[clock].max(self.flushed_secs[clock]));
         }
-        let sent = self.lines.as_ref().map(|lines| lines.send(Line { header, text, flush }));
+        let sent = self.lines.as_ref().map(|lines| lines.send(QueuedMessage { header, text, flush }));
         if let Some(Err(_)) = sent {
             // The thread has ended early; its error is set once it is joined.
             self.complete();
@@ -222,7 +222,7 @@ fn write_lines<D: Disk>(
     mut writer: McapFile,
     pending: &Pending,
     mut file: TerminatedFile<D>,
-    lines: &Receiver<Line>,
+    lines: &Receiver<QueuedMessage>,
 ) -> mcap::McapResult<()> {
     for line in lines {
         writer.write_to_known_channel(&line.header, &line.text)?;
@@ -324,11 +324,11 @@ mod tests {
         let pending = Pending::default();
         let (mut writer, channels) = begin(&pending).unwrap();
         add_pending(&mut writer, &pending, &mut file).unwrap();
-        let (lines, waiting) = sync_channel(WAITING);
+        let (lines, waiting) = sync_channel(MAX_QUEUED);
         let send = |topic: &str, text: Vec<u8>, sequence| {
             let channel_id = channels.iter().find(|(name, _)| *name == topic).unwrap().1;
             let header = MessageHeader { channel_id, sequence, log_time: 0, publish_time: 0 };
-            lines.send(Line { header, text, flush: sequence % 2 == 1 }).unwrap();
+            lines.send(QueuedMessage { header, text, flush: sequence % 2 == 1 }).unwrap();
         };
         let header = Header { schema: SCHEMA, ..Header::default() };
         send(Header::TOPIC, serde_json::to_vec(&header).unwrap(), 1);
@@ -383,7 +383,7 @@ mod tests {
     /// A full disk is reported by `write`, while there is time to stop, and by `finish`.
     #[test]
     #[cfg(target_os = "linux")]
-    fn a_full_disk_is_told_on_the_way() {
+    fn a_full_disk_is_reported_on_the_way() {
         let full = Path::new("/dev/full");
         let message = StepMessage { positions: vec![0.1; 5000], ..StepMessage::default() };
         let error = match RecordingWriter::create(full, &Header::default()) {

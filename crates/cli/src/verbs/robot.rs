@@ -204,7 +204,7 @@ impl Guiding for Operator {
         if self.claim.is_stop_requested() {
             return Err(HandGuidingError::Stopped);
         }
-        if self.guard.beat() { Ok(()) } else { Err(HandGuidingError::Unguarded) }
+        if self.guard.heartbeat() { Ok(()) } else { Err(HandGuidingError::Unguarded) }
     }
 
     fn is_guiding(&mut self) -> bool {

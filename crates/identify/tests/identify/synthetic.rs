@@ -176,7 +176,7 @@ pub fn recover_as(
         &mut Job::new(&mut |_| {}, &AtomicBool::new(false)),
     );
     let identified = identified?;
-    let held_out = [recorded(truth, joints, (Excitation::Held, 1), 10 * seed + 9)?];
+    let held_out = [recorded(truth, joints, (Excitation::HeldOut, 1), 10 * seed + 9)?];
     let before = shaping_params(&RigConfig::default().limits);
     let after = PhysicalParams::default().with(&identified.physics)?;
     let found = Assessment::new(&held_out, &before, &after)?;

@@ -213,7 +213,7 @@ impl Rehearsal<'_> {
         // held-out one and the new performances are needed.
         let fitted_before = (iteration > 1 || self.config.simulator.is_some()) && !performances.is_empty();
         let wanted: &[Excitation] =
-            if fitted_before { &[Excitation::Keys, Excitation::Held] } else { &Excitation::ALL };
+            if fitted_before { &[Excitation::Keys, Excitation::HeldOut] } else { &Excitation::ALL };
         let excitations = record_excitations(
             self.rig,
             wanted,

@@ -1,5 +1,10 @@
+use etude_music::{KEY_COUNT, key_is_black};
+use etude_stage::geometry::{BLACK, WHITE, key_lateral};
+use etude_stage::hand::TIP_RADIUS;
+use etude_stage::{joint_range, kinematics};
+
+use super::key_presses::{BESIDE_M, BESIDE_X_M, PRESS_M, PRESS_X_M, PUSH_M, PUSH_X_M};
 use super::*;
-use etude_stage::joint_range;
 
 /// How high above the black keys the ends of the fingers stay, as far as targets go, m.
 const CLEARANCE: f64 = 0.012;
@@ -112,7 +117,7 @@ fn every_joint_is_moved_by_the_sequences_to_fit_and_by_the_one_to_try_it_on() {
     for joint in 0..DRIVEN_JOINTS {
         let least = if joint == RAIL { 0.1 } else { 0.2 };
         assert!(spread(&[Excitation::OpenClose, Excitation::Chirp, Excitation::Rail], joint) > least);
-        assert!(spread(&[Excitation::Held], joint) > least / 2.0, "{joint}");
+        assert!(spread(&[Excitation::HeldOut], joint) > least / 2.0, "{joint}");
     }
 }
 

@@ -24,20 +24,20 @@ use super::claim::Claim;
 use super::error::SessionError;
 
 /// Time between two bytes.
-pub(super) const PERIOD: Duration = Duration::from_millis(20);
+pub(super) const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(20);
 /// Time without a byte after which the guard acts: the hand must have no torque 100 ms after its
 /// controller hangs.
-const SILENCE: Duration = Duration::from_millis(70);
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(70);
 /// Time without an answer after which the controller acts.
-const ANSWER: Duration = Duration::from_millis(50);
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(50);
 /// Longest time for which a guard may take to end after the byte for a regular end.
-const LEAVING: Duration = Duration::from_millis(300);
+const EXIT_TIMEOUT: Duration = Duration::from_millis(300);
 /// The same before the first byte, while the controller starts; nothing moves until then.
-const FIRST_SILENCE: Duration = Duration::from_secs(10);
+const STARTUP_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest time for which the guard tries to stop a robot that does not confirm it.
-const TRIES: Duration = Duration::from_secs(30);
-const PAUSE: Duration = Duration::from_millis(100);
-const BEAT: u8 = b'.';
+const STOP_TIMEOUT: Duration = Duration::from_secs(30);
+const RETRY_INTERVAL: Duration = Duration::from_millis(100);
+const HEARTBEAT: u8 = b'.';
 const FAREWELL: u8 = b'q';
 const READY: &str = "on guard: ";
 
@@ -112,7 +112,7 @@ impl Guard {
 
     /// Sends a sign of life if the last one is old; `false` if the guard has ended or hangs. Never
     /// waits.
-    pub fn beat(&mut self) -> bool {
+    pub fn heartbeat(&mut self) -> bool {
         let mut answers = [0; 64];
         loop {
             match self.line.read(&mut answers) {
@@ -123,9 +123,9 @@ impl Guard {
                 Err(_) => return false,
             }
         }
-        if self.sent.is_none_or(|sent| sent.elapsed() >= PERIOD) {
+        if self.sent.is_none_or(|sent| sent.elapsed() >= HEARTBEAT_INTERVAL) {
             let now = Instant::now();
-            match self.line.write(&[BEAT]) {
+            match self.line.write(&[HEARTBEAT]) {
                 // A full line is one that the guard does not read.
                 Err(error) if !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
                     return false;
@@ -134,14 +134,14 @@ impl Guard {
             }
             self.unanswered.get_or_insert(now);
         }
-        self.unanswered.is_none_or(|since| since.elapsed() <= ANSWER)
+        self.unanswered.is_none_or(|since| since.elapsed() <= ANSWER_TIMEOUT)
     }
 
     /// Ends the guard. To be called only when the robot stands still.
     pub fn farewell(&mut self) {
         // It may have ended already, or hang.
         let _ = self.line.write(&[FAREWELL]);
-        let until = Instant::now() + LEAVING;
+        let until = Instant::now() + EXIT_TIMEOUT;
         while matches!(self.child.try_wait(), Ok(None)) {
             if Instant::now() > until {
                 let _ = self.child.kill();
@@ -162,23 +162,23 @@ pub fn run_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
     let controller = parent_id();
     let _priority = Priority::of_this_thread(Rank::Guard);
     let mut line = UnixStream::from(std::io::stdin().as_fd().try_clone_to_owned()?);
-    line.set_write_timeout(Some(SILENCE))?;
-    line.set_read_timeout(Some(FIRST_SILENCE))?;
+    line.set_write_timeout(Some(HEARTBEAT_TIMEOUT))?;
+    line.set_read_timeout(Some(STARTUP_TIMEOUT))?;
     let mut bytes = [0; 64];
     loop {
         match line.read(&mut bytes) {
             Ok(0) => break,
             Ok(count) if bytes[..count].contains(&FAREWELL) => return Ok(None),
             Ok(_) => {
-                line.set_read_timeout(Some(SILENCE))?;
+                line.set_read_timeout(Some(HEARTBEAT_TIMEOUT))?;
                 // A controller that has ended is noticed at the next read.
-                let _ = line.write(&[BEAT]);
+                let _ = line.write(&[HEARTBEAT]);
             }
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
             Err(_) => break,
         }
     }
-    let until = Instant::now() + TRIES;
+    let until = Instant::now() + STOP_TIMEOUT;
     let mut stopped = stop(rig);
     let mut claim = None;
     while !stopped.is_sure() && Instant::now() < until {
@@ -190,7 +190,7 @@ pub fn run_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
                 break;
             }
         }
-        std::thread::sleep(PAUSE);
+        std::thread::sleep(RETRY_INTERVAL);
         stopped = stop(rig);
     }
     Ok(Some(stopped))

@@ -13,17 +13,17 @@ use etude_robot::{Pace, Phase, RealTime, Robot};
 use etude_twin::Lockstep;
 
 use super::claim::Claim;
-use super::guard::{Guard, PERIOD};
+use super::guard::{Guard, HEARTBEAT_INTERVAL};
 use super::motor_warmth::WarmFile;
 use super::worker::Worker;
 use crate::error::PerformError;
 use crate::prepare::{STOPPED as STOPPED_BY_ANOTHER, prepare};
 
 /// Time within which arm and hand must confirm that they are stopped.
-const CONFIRM: Duration = Duration::from_secs(1);
+const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Time between two looks at whether work is done.
-const LOOK: Duration = Duration::from_micros(100);
+/// Time between two checks whether work is done.
+const POLL_INTERVAL: Duration = Duration::from_micros(100);
 
 /// A robot with its controller.
 pub struct Session {
@@ -70,7 +70,7 @@ impl Live {
 
     /// Stops the robot if its guard is gone or a stop was requested.
     fn watch(&mut self, robot: &mut Robot) {
-        let has_guard = self.guard.beat();
+        let has_guard = self.guard.heartbeat();
         if self.is_stop_requested(robot) || !has_guard {
             let now = self.pace.now();
             robot.stop(now, self.pace.wires());
@@ -119,13 +119,13 @@ impl Session {
         loop {
             let now = self.pace.now();
             self.pace.run_until(&mut self.robot, now + Duration::from_millis(10));
-            let told = self.robot.arm().joints_at().is_some_and(|at| at > begun);
-            let arm = told && self.robot.arm().report().is_some_and(|report| report.state == STOPPED);
+            let reported = self.robot.arm().joints_at().is_some_and(|at| at > begun);
+            let arm = reported && self.robot.arm().report().is_some_and(|report| report.state == STOPPED);
             let hand = self.robot.hand().has_confirmed_release();
             if arm && hand {
                 return Ok(());
             }
-            if self.pace.now() > begun + CONFIRM {
+            if self.pace.now() > begun + STOP_TIMEOUT {
                 let arm = (!arm).then_some(format!("arm: {NOT_STOPPED}"));
                 let hand = (!hand).then_some(format!("hand: {NOT_LET_GO}"));
                 return Err([arm, hand].into_iter().flatten().collect::<Vec<_>>().join("; "));
@@ -168,7 +168,7 @@ impl Pace for SessionPace {
         };
         loop {
             live.watch(robot);
-            let next = (live.pace.now() + PERIOD).min(until);
+            let next = (live.pace.now() + HEARTBEAT_INTERVAL).min(until);
             live.pace.run_until(robot, next);
             if next >= until {
                 // A fault meanwhile may be the work of the stop.
@@ -185,7 +185,7 @@ impl Pace for SessionPace {
         let worker = live.worker.clone();
         worker.run(work, || {
             live.watch(robot);
-            let next = live.pace.now() + LOOK;
+            let next = live.pace.now() + POLL_INTERVAL;
             live.pace.run_until(robot, next);
         });
     }

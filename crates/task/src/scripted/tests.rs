@@ -66,5 +66,5 @@ fn a_jump_across_the_keyboard_is_reported() {
     let [limit] = player.limits().notes[..] else { panic!("{}", player.limits()) };
     assert!(matches!(limit.kind, LimitKind::RailTooSlow(travel) if travel > 0.5), "{limit}");
     assert_eq!(limit.key, 0);
-    assert!(limit.to_string().contains("C2 at 1.00 s ends"), "{limit}");
+    assert!(limit.to_string().contains("C2 at 1.00 s is 0.80 s shorter"), "{limit}");
 }

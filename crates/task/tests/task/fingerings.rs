@@ -230,7 +230,7 @@ fn a_finger_that_changes_keys_in_fewer_steps_holds_them_longer() {
     assert_eq!([one.0, two.0, three.0], [1, 2, 3]);
     assert!(one.1 < two.1 && two.1 < three.1, "{one:?} {two:?} {three:?}");
     let never = TaskConfig { change_steps: 0, ..with_fingering() };
-    assert!(never.check().unwrap_err().to_string().contains("task.change_steps = 0 must lie in 1"));
+    assert!(never.check().unwrap_err().to_string().contains("task.change_steps is 0: it must be from 1"));
 }
 
 #[test]
@@ -292,7 +292,7 @@ fn targets_of_the_rail_are_around_its_planned_place() {
         }
     }
     let never = TaskConfig { rail_range: 0.0, ..with_fingering() };
-    assert!(never.check().unwrap_err().to_string().contains("task.rail_range = 0 must lie in 0.001"));
+    assert!(never.check().unwrap_err().to_string().contains("task.rail_range is 0: it must be from 0.001"));
 }
 
 #[test]

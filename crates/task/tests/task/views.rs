@@ -109,23 +109,20 @@ fn the_columns_are_what_they_are_said_to_be() {
     // far.
     let rail = piece.fingering().unwrap().rail();
     let leap = (0..rail.len() - 1).max_by(|a, b| {
-        let way = |step: usize| (rail[step + 1] - rail[step]).abs();
-        way(*a).total_cmp(&way(*b))
+        let distance = |step: usize| (rail[step + 1] - rail[step]).abs();
+        distance(*a).total_cmp(&distance(*b))
     });
     let leap = leap.unwrap();
     let out = shown(&piece, leap, rail[leap], rail[leap], KeySet::EMPTY);
-    let way = (rail[leap + 1] - rail[leap]) / WHITE_PITCH;
-    assert!(way.abs() > 4.0, "a leap: {way}");
-    assert_eq!(out[places + 1], way.signum() as f32 * 4.0, "at most four white keys are shown");
+    let distance = (rail[leap + 1] - rail[leap]) / WHITE_PITCH;
+    assert!(distance.abs() > 4.0, "a leap: {distance}");
+    assert_eq!(out[places + 1], distance.signum() as f32 * 4.0, "at most four white keys are shown");
 }
 
 #[test]
-fn the_hand_needs_a_fingering_and_the_default_has_no_key_of_its_own() {
+fn the_hand_needs_a_fingering_and_is_named_in_files() {
     let without = TaskConfig { fingering: false, ..config() };
     assert!(without.check().unwrap_err().to_string().contains("task.view"));
-    // The identifiers of experiments are made of configurations.
-    let text = serde_json::to_string(&TaskConfig::default()).unwrap();
-    assert!(!text.contains("view"), "{text}");
     let text = serde_json::to_string(&config()).unwrap();
     assert!(text.contains(r#""view":"hand""#), "{text}");
     assert_eq!(serde_json::from_str::<TaskConfig>(&text).unwrap(), config());

@@ -20,9 +20,9 @@ use crate::session::rig_choice::{controller, load_calibration};
 use crate::session::{ready, start_pose};
 
 /// Nothing here should take so long: a test that waits for it fails instead of hanging.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 /// Longest time between two torques of a busy machine that is no fault yet, twice.
-const GAP: Duration = Duration::from_millis(200);
+const MAX_GAP: Duration = Duration::from_millis(200);
 const SERVO_ON: u16 = 0x100;
 const SERVO_OFF: u16 = 0x104;
 const ANGLES_OF_FINGER_1: u16 = 0x084;
@@ -38,7 +38,7 @@ struct Seen {
     last_at: Option<Instant>,
     longest_gap: Duration,
     off: bool,
-    /// When finger 1 told its angles last, and when the servo was switched off after that.
+    /// When finger 1 reported its angles last, and when the servo was switched off after that.
     told_at: Option<Instant>,
     off_after: Option<Duration>,
 }
@@ -85,7 +85,7 @@ impl Watch<'_> {
     fn until(&self, so: impl Fn(&Seen) -> bool) -> bool {
         let begun = Instant::now();
         while !so(&self.seen()) {
-            if begun.elapsed() > PATIENCE {
+            if begun.elapsed() > TEST_TIMEOUT {
                 return false;
             }
             std::thread::sleep(Duration::from_millis(1));
@@ -147,7 +147,7 @@ fn on_a_twin(faults: &[&str], act: impl Fn(&mut Session, &Watch<'_>)) {
         let path = server.rig().to_path_buf();
         let mut rig = RigConfig::load(&path).unwrap();
         // A machine that is busy with other tests must not look like a fault.
-        rig.hand.stale_after_secs = GAP.as_secs_f64() / 2.0;
+        rig.hand.stale_after_secs = MAX_GAP.as_secs_f64() / 2.0;
         (rig.arm.report_stale_after_secs, rig.arm.reply_timeout_secs) = (1.0, 5.0);
         let mut robot = controller(&rig, &load_calibration(&rig).unwrap()).unwrap();
         let (ends, seen) = (AtomicBool::new(false), Mutex::<Seen>::default());
@@ -210,7 +210,7 @@ fn a_policy_that_hangs_does_not_hold_up_the_hand_and_ends_with_a_fault() {
         assert!(released, "nothing released the hand while the work hung");
         assert!(matches!(robot.fault(), Some(Fault::StaleCommand { .. })), "{:?}", robot.fault());
         let seen = watch.seen();
-        assert!(seen.torques > before + 10 && seen.longest_gap < GAP, "{:?}", seen.longest_gap);
+        assert!(seen.torques > before + 10 && seen.longest_gap < MAX_GAP, "{:?}", seen.longest_gap);
     });
 }
 
@@ -232,9 +232,9 @@ fn a_device_that_falls_silent_while_work_hangs_ends_with_a_fault() {
             if silent.starts_with("finger") {
                 // The limit is half of the gap.
                 let off_after = watch.seen().off_after.unwrap();
-                assert!(off_after < GAP, "{off_after:?} from the finger's last angles to the release");
+                assert!(off_after < MAX_GAP, "{off_after:?} from the finger's last angles to the release");
             }
-            assert!(watch.seen().longest_gap < GAP, "{:?}", watch.seen().longest_gap);
+            assert!(watch.seen().longest_gap < MAX_GAP, "{:?}", watch.seen().longest_gap);
         });
     }
 }
