@@ -33,7 +33,7 @@ fn no_intensity_is_the_nominal_world() {
     assert!(draws(0.0).iter().all(|p| *p == PhysicalParams::default()));
 }
 
-/// FNV-1a over the bits of every number, as the default world of 23 November 2026 gives them:
+/// FNV-1a over the bits of every number, as the default world gives them:
 /// recorded runs depend on it.
 #[test]
 fn the_papers_draws_are_those_of_recorded_runs() {
