@@ -32,7 +32,7 @@ pub(super) const BESIDE_X_M: f64 = 0.033;
 const BESIDE_SECS: [f64; 5] = [0.15, 0.2, 0.35, 0.2, 0.3];
 /// Where the middle of a fingertip begins to push against the front of a black key, and where its
 /// target ends, m; and its height over the tops of the white keys meanwhile, m. It meets the key
-/// after half of the way: the rest is for a keyboard that is some millimetres off.
+/// after half of the distance: the rest is for a keyboard that is some millimetres off.
 pub(super) const PUSH_X_M: [f64; 2] = [0.034, 0.015];
 pub(super) const PUSH_M: f64 = 0.001;
 /// Times in which it comes down before the key, pushes, rests there, and comes back, s.
@@ -80,7 +80,7 @@ pub(super) fn keys(side: Side) -> Vec<[f64; DRIVEN_JOINTS]> {
                 for step in 1..=steps(secs) {
                     let share = step as f64 / steps(secs) as f64;
                     let [x, aside, above] =
-                        std::array::from_fn(|way| last[way] + share * (to[way] - last[way]));
+                        std::array::from_fn(|axis| last[axis] + share * (to[axis] - last[axis]));
                     hold(finger, place(x, aside, above), rail, STEP_SECS);
                 }
                 last = to;

@@ -63,7 +63,7 @@ fn a_finger_presses_one_white_key_at_a_time_in_its_middle_or_beside_a_gap() {
             if let Some((finger, before)) = last.replace((low[0], [x, y, z]))
                 && finger == low[0]
             {
-                let far = (0..3).map(|way| (before[way] - [x, y, z][way]).abs()).fold(0.0, f64::max);
+                let far = (0..3).map(|axis| (before[axis] - [x, y, z][axis]).abs()).fold(0.0, f64::max);
                 assert!(far < 0.012, "{side:?} {step}: {far}");
             }
             let is_at = |place: f64| (x - place).abs() < 1e-9;

@@ -1,4 +1,4 @@
-//! A robot with its controller and its clock. When the stand is dropped, the hand is released and
+//! A robot with its controller and its clock. When the session is dropped, the hand is released and
 //! the arm is stopped.
 
 use std::sync::Arc;
@@ -68,7 +68,7 @@ impl Live {
         Self { pace, guard, claim, warm, worker: Arc::new(worker), _priority }
     }
 
-    /// Stops the robot if its guard is gone or a stop was requested.
+    /// Stops the robot if its guard has ended or a stop was requested.
     fn watch(&mut self, robot: &mut Robot) {
         let has_guard = self.guard.heartbeat();
         if self.is_stop_requested(robot) || !has_guard {
