@@ -1,4 +1,4 @@
-//! The arm alone, for calibration: reads its joints, or lets an operator lead it by hand.
+//! The arm alone, for calibration: reads its joints, or lets an operator guide it by hand.
 
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time between two polls.
 pub const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
-/// The arm could not be read or led.
+/// The arm could not be read or guided.
 #[derive(Debug, thiserror::Error)]
 pub enum HandGuidingError {
     /// It cannot be reached.
@@ -61,11 +61,11 @@ pub trait Guiding {
     /// If the guard has ended, or a stop was requested: the arm is then stopped.
     fn heartbeat(&mut self) -> Result<(), HandGuidingError>;
 
-    /// Whether the operator still leads the arm.
+    /// Whether the operator still guides the arm.
     fn is_guiding(&mut self) -> bool;
 }
 
-/// Lets an operator show a place: brings the arm up, frees it if it is to be led `by_hand`, and
+/// Lets an operator show a place: brings the arm up, frees it if it is to be guided `by_hand`, and
 /// reads where it stands then. The arm is left standing, in state 4, which it has confirmed.
 ///
 /// # Errors

@@ -171,7 +171,7 @@ impl ArmEmulator {
         self.motion.joints
     }
 
-    /// Leads the joints to another place by hand, rad.
+    /// Guides the joints to another place by hand, rad.
     pub fn place(&mut self, joints_rad: [f64; ARM_JOINTS]) {
         self.motion.place(joints_rad);
         self.tool_at = None;
@@ -241,7 +241,7 @@ impl ArmEmulator {
             self.current = Some(next.receipt);
             self.receipt(1, 0);
         }
-        // No error while it is stopped, or it could never be led inside again.
+        // No error while it is stopped, or it could never be guided inside again.
         if self.fenced
             && self.condition == Condition::Running
             && !self.fence.contains(&self.tool().position_m)

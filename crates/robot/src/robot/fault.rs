@@ -121,7 +121,7 @@ pub enum Refused {
     },
     /// The arm's way there leads out of its box.
     #[error(
-        "the arm's way home leaves its box: {0}; lead it nearer home with UFACTORY Studio, or enlarge arm.fence_mm"
+        "the arm's path home leaves its box: {0}; guide it nearer home with UFACTORY Studio, or enlarge arm.fence_mm"
     )]
     OutsideFence(#[from] OutsideFence),
     /// A finger or the thumb is far from where the motion begins.

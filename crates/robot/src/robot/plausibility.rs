@@ -62,7 +62,7 @@ pub enum Implausible {
     },
     /// A joint of the hand pushes at its limit for long.
     #[error(
-        "joint {joint} of the hand has pushed with {:.0} % of its greatest torque in the mean of the last seconds, and its motor gets hot: see \
+        "joint {joint} of the hand has pushed with {:.0} % of its greatest torque on average over the last seconds, and its motor gets hot: see \
          what blocks it",
         100.0 * share
     )]
@@ -97,7 +97,7 @@ pub enum Implausible {
     },
     /// The arm reports the same angles on its way to the keyboard.
     #[error(
-        "the arm has reported the same angles for {} ms while it was sent {sent_rad:.2} rad on its way: see what holds it, and look at its control \
+        "the arm has reported the same angles for {} ms while it was sent {sent_rad:.2} rad on its path: see what holds it, and look at its control \
          box",
         since.as_millis()
     )]

@@ -77,7 +77,11 @@ const ERRORS: &[(u8, &str, &str)] = &[
     (34, "recording a path took too long", "record a shorter path"),
     (35, "the arm is outside its safety boundary", NEARER),
     (36, "too many delayed commands", OURS),
-    (37, "the arm moved oddly while led by hand", "lead it more slowly, check the payload, then start again"),
+    (
+        37,
+        "the arm moved oddly while guided by hand",
+        "guide it more slowly, check the payload, then start again",
+    ),
     (38, "a joint angle is not possible", SERVO),
     (39, "the power board does not answer", CABLES),
     (40, "no joint path is free of errors", NEARER),

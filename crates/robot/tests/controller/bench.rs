@@ -1,5 +1,5 @@
 //! A controller and the three emulators on wires of no length, a millisecond at a time. The hand's
-//! joints are led by the test, or move freely.
+//! joints are guided by the test, or move freely.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -48,8 +48,8 @@ pub fn path() -> RailPath {
 pub struct Devices {
     pub hand: HandEmulator,
     pub joints: FreeHand,
-    /// Angles that the test leads the hand's joints to; joints without one move freely.
-    pub led: [Option<f64>; WIRE_JOINTS],
+    /// Angles that the test guides the hand's joints to; joints without one move freely.
+    pub guided: [Option<f64>; WIRE_JOINTS],
     pub arm: ArmEmulator,
     pub keyboard: KeyboardEmulator,
     client: ConnectionId,
@@ -122,7 +122,7 @@ impl Bench {
         let devices = Devices {
             hand: HandEmulator::new(&HandEmulatorConfig { side: rig.hand.side, ..Default::default() }),
             joints: FreeHand::default(),
-            led: [None; WIRE_JOINTS],
+            guided: [None; WIRE_JOINTS],
             arm,
             keyboard: KeyboardEmulator::new(&KeyboardEmulatorConfig::default()).unwrap(),
             client,
@@ -157,8 +157,8 @@ impl Bench {
         devices.arm.advance(devices.now);
         devices.joints.step(MS.as_secs_f64(), &devices.hand.pwm());
         let mut positions = devices.joints.positions();
-        for (position, led) in positions.iter_mut().zip(devices.led) {
-            *position = led.unwrap_or(*position);
+        for (position, guided) in positions.iter_mut().zip(devices.guided) {
+            *position = guided.unwrap_or(*position);
         }
         devices.hand.set_positions(&positions);
         let mut frames = Vec::new();
@@ -176,12 +176,12 @@ impl Bench {
         (0..millis).for_each(|_| self.step());
     }
 
-    /// Leads a joint of the hand to an angle, at 3 rad/s.
-    pub fn lead(&mut self, joint: usize, to_rad: f64) {
-        let mut angle = self.devices.led[joint].unwrap_or(self.devices.joints.positions()[joint]);
+    /// Guides a joint of the hand to an angle, at 3 rad/s.
+    pub fn guide(&mut self, joint: usize, to_rad: f64) {
+        let mut angle = self.devices.guided[joint].unwrap_or(self.devices.joints.positions()[joint]);
         while (to_rad - angle).abs() > 1e-9 {
             angle += (to_rad - angle).clamp(-0.003, 0.003);
-            self.devices.led[joint] = Some(angle);
+            self.devices.guided[joint] = Some(angle);
             self.step();
         }
     }

@@ -10,11 +10,11 @@ fn the_thumb_counts_where_a_stream_begins() {
     let mut bench = Bench::holding();
     let pose = bench.robot.joints();
     // Free, it stands 0.1 rad from where the rig's file wants it.
-    bench.devices.led[14] = Some(0.3);
+    bench.devices.guided[14] = Some(0.3);
     bench.run(10);
     let refused = bench.robot.follow(bench.now(), &[pose; 10]);
     assert!(matches!(refused, Err(Refused::FingerFar { joint: 14, .. })), "{refused:?}");
-    bench.devices.led[14] = Some(0.1);
+    bench.devices.guided[14] = Some(0.1);
     bench.run(10);
     bench.robot.follow(bench.now(), &[pose; 10]).unwrap();
 }
@@ -22,7 +22,7 @@ fn the_thumb_counts_where_a_stream_begins() {
 #[test]
 fn a_joint_far_outside_its_range_is_a_fault_before_any_torque() {
     let mut bench = Bench::new();
-    bench.devices.led[13] = Some(-0.105 - 0.12);
+    bench.devices.guided[13] = Some(-0.105 - 0.12);
     bench.start();
     bench.until(Phase::Fault, 3000);
     assert!(matches!(bench.robot.fault(), Some(Fault::OutsideRange { joint: 13, .. })), "{}", bench.fault());
@@ -34,7 +34,7 @@ fn a_joint_far_outside_its_range_is_a_fault_before_any_torque() {
 #[test]
 fn a_joint_a_little_outside_its_range_is_brought_in_slowly() {
     let mut bench = Bench::new();
-    bench.devices.led[1] = Some(1.61 + 0.09);
+    bench.devices.guided[1] = Some(1.61 + 0.09);
     bench.start();
     bench.until(Phase::Holding, 3000);
     let begun = bench.now();
@@ -59,10 +59,10 @@ fn a_finger_that_does_not_follow_is_a_fault() {
     for (finger, near, far) in [(5, 0.44, 0.47), (4, 0.22, 0.25)] {
         let mut bench = Bench::holding();
         bench.run(50);
-        bench.lead(finger, near);
+        bench.guide(finger, near);
         bench.run(1000);
         assert_eq!(bench.robot.phase(), Phase::Holding, "{}", bench.fault());
-        bench.lead(finger, far);
+        bench.guide(finger, far);
         bench.run(4970);
         assert_eq!(bench.robot.phase(), Phase::Holding, "{}", bench.fault());
         bench.until(Phase::Fault, 60);
@@ -76,14 +76,14 @@ fn a_finger_that_does_not_follow_is_a_fault() {
     }
 }
 
-/// Starts the robot, leads joint 5 by 0.3 rad away from where it stood, and holds it there for some
-/// seconds.
+/// Starts the robot, guides joint 5 by 0.3 rad away from where it stood, and holds it there for
+/// some seconds.
 fn push_for(bench: &mut Bench, secs: u64) {
     bench.start();
     bench.until(Phase::Holding, 3000);
     bench.run(50);
     let away = if bench.robot.hand().positions()[5] < 0.2 { 0.3 } else { -0.3 };
-    bench.lead(5, bench.robot.hand().positions()[5] + away);
+    bench.guide(5, bench.robot.hand().positions()[5] + away);
     bench.run(1000 * secs);
 }
 
@@ -138,7 +138,7 @@ fn moving_finger(stall: u64, unpolled: bool) -> Vec<f64> {
     bench.run(30);
     bench.records.clear();
     for millis in 0..200u32 {
-        bench.devices.led[1] = Some(-0.1 + 3e-3 * f64::from(millis));
+        bench.devices.guided[1] = Some(-0.1 + 3e-3 * f64::from(millis));
         let stalled = (100..100 + stall).contains(&u64::from(millis));
         bench.devices.held = stalled;
         if stalled && unpolled {

@@ -5,6 +5,6 @@
 mod bench;
 mod extremes;
 mod hand;
+mod homing;
 mod interlocks;
 mod records;
-mod way;

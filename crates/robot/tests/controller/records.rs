@@ -57,7 +57,7 @@ fn nothing_is_asked_of_a_rail_that_is_not_there() {
 #[test]
 fn the_hand_is_observed_before_and_after_it_has_torque() {
     let mut bench = Bench::new();
-    bench.devices.led[5] = Some(0.2);
+    bench.devices.guided[5] = Some(0.2);
     bench.run(20);
     bench.start();
     bench.until(Phase::Holding, 3000);
@@ -76,7 +76,7 @@ fn the_hand_is_observed_before_and_after_it_has_torque() {
     bench.devices.arm.inject_error(31);
     bench.until(Phase::Fault, 100);
     bench.records.clear();
-    bench.lead(5, 0.5);
+    bench.guide(5, 0.5);
     bench.run(900);
     let first = idle(&bench.records);
     assert!((300..340).contains(&first.len()) && (first[first.len() - 1] - 0.5).abs() < 1e-3, "{first:?}");
@@ -109,7 +109,7 @@ fn what_the_arm_was_not_sent_is_none() {
 #[test]
 fn torques_are_recorded_before_and_after_their_limits() {
     let mut bench = Bench::holding();
-    bench.lead(1, 0.5);
+    bench.guide(1, 0.5);
     bench.run(100);
     let last = bench.records.iter().rev().find_map(|record| match record {
         Record::Hand { wanted, pwm, .. } => Some((wanted[1], pwm[1])),

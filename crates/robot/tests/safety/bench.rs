@@ -101,13 +101,13 @@ impl Bench {
         }
     }
 
-    /// Leads the arm to the middle of the keyboard by hand.
+    /// Guides the arm to the middle of the keyboard by hand.
     pub fn place_arm_at_the_keyboard(&mut self) {
         self.lockstep.twin.devices.arm.place(*path(&calibration("twin")).middle());
         self.run(200);
     }
 
-    /// Leads the arm home by hand.
+    /// Guides the arm home by hand.
     pub fn place_arm_at_home(&mut self) {
         self.lockstep.twin.devices.arm.place(PAPER_HOME_DEG.map(f64::to_radians));
         self.run(200);

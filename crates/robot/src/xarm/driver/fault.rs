@@ -96,7 +96,7 @@ pub enum ArmFault {
     },
     /// The replies come so late that no target is on time.
     #[error(
-        "the arm's replies come too late to lead it to the keyboard: connect its control box by cable, close other programs, then start again"
+        "the arm's replies come too late to move it to the keyboard: connect its control box by cable, close other programs, then start again"
     )]
     LateReplies,
     /// A target was refused, and nothing was sent.
@@ -106,7 +106,7 @@ pub enum ArmFault {
     RefusedTarget(TargetError),
     /// The arm stands outside its box.
     #[error(
-        "the arm cannot start here: {0}; lead it inside with UFACTORY Studio, or correct arm.fence_mm, then start again"
+        "the arm cannot start here: {0}; guide it inside with UFACTORY Studio, or correct arm.fence_mm, then start again"
     )]
     OutsideFence(OutsideFence),
     /// The controller refused a command.
@@ -143,7 +143,7 @@ pub enum ArmState {
     Starting,
     /// Follows targets.
     Ready,
-    /// Led by hand.
+    /// Guided by hand.
     Manual,
     /// Connected; stopped, or not started yet.
     Stopped,

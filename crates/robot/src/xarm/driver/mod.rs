@@ -109,10 +109,10 @@ impl Arm {
         self.next_tick = Some(earliest + Duration::from_nanos(late as u64));
     }
 
-    /// Lets the arm be led by hand, or takes it back.
+    /// Lets the arm be guided by hand, or takes it back.
     ///
     /// # Errors
-    /// If it is not ready, or was not led by hand.
+    /// If it is not ready, or was not guided by hand.
     pub fn manual(&mut self, now: Duration, on: bool) -> Result<(), ArmError> {
         let steps = match (self.phase, on) {
             (Phase::Ready, true) => steps::BY_HAND,

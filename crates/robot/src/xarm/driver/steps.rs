@@ -55,10 +55,10 @@ pub(super) const START: &[Step] = &[
     Step::NoError,
     Step::Await(SERVO),
 ];
-/// To being led by hand.
+/// To being guided by hand.
 pub(super) const BY_HAND: &[Step] =
     &[Step::Mode(MANUAL), Step::Unstopped, Step::Tell(Register::SetState), Step::Await(MANUAL)];
-/// From being led by hand to following targets.
+/// From being guided by hand to following targets.
 pub(super) const BACK: &[Step] =
     &[Step::Mode(SERVO), Step::Unstopped, Step::Tell(Register::SetState), Step::Await(SERVO)];
 
@@ -66,7 +66,7 @@ pub(super) const BACK: &[Step] =
 pub(super) const PLANNED: u8 = 0;
 /// Mode that follows targets.
 pub(super) const SERVO: u8 = 1;
-/// Mode in which the arm is led by hand.
+/// Mode in which the arm is guided by hand.
 pub(super) const MANUAL: u8 = 2;
 
 impl Step {

@@ -106,7 +106,7 @@ fn nothing_is_sent_outside_the_box() {
     let fault = bench.fault().unwrap();
     assert!(
         matches!(fault, ArmFault::OutsideFence(_))
-            && fault.to_string().contains("lead it inside with UFACTORY Studio"),
+            && fault.to_string().contains("guide it inside with UFACTORY Studio"),
         "{fault}"
     );
     assert!(bench.wire.targets.is_empty() && bench.wire.frames.iter().all(|frame| frame.register() != 59));

@@ -260,7 +260,7 @@ pub const ROWS: &[Row] = &[
         ..ROW
     },
     Row {
-        name: "arm set to be led by hand by another client (mode 2)",
+        name: "arm set to be guided by hand by another client (mode 2)",
         ends: [GoesOn, Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "which this program did not request",
         strike: |b| b.other_client(&[19, 2]),

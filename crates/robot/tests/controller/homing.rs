@@ -12,7 +12,7 @@ use crate::bench::{Bench, path, rig};
 fn the_arm_does_not_set_out_before_the_fingers_are_straight() {
     let mut bench = Bench::new();
     bench.devices.arm.place(beside(0.0, 0.05, 0.3));
-    bench.devices.led[9] = Some(0.5);
+    bench.devices.guided[9] = Some(0.5);
     // Encoders that are not noisy would look as if they repeated themselves.
     bench.devices.hand.config_mut().noise_counts = 2;
     bench.start();
@@ -29,7 +29,7 @@ fn the_arm_does_not_set_out_before_the_fingers_are_straight() {
     bench.until(Phase::Holding, 3000);
     bench.robot.home(bench.now(), &[0.0; DRIVEN]).unwrap();
     bench.run(1000);
-    bench.lead(9, 0.1);
+    bench.guide(9, 0.1);
     bench.until(Phase::Holding, 60_000);
     assert!(bench.robot.place().beside_m < 1e-3);
 }
@@ -54,7 +54,7 @@ fn a_joint_that_does_not_hold_still_is_named() {
     bench.until(Phase::Holding, 3000);
     bench.run(500);
     assert_eq!(bench.robot.astray(), None);
-    bench.lead(9, 0.5);
+    bench.guide(9, 0.5);
     let (joint, by_rad) = bench.robot.astray().unwrap();
     assert!(joint == 9 && (by_rad - 0.5).abs() < 0.02, "joint {joint}, {by_rad} rad");
 }
