@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use etude_lab::{
-    IdentifyMethod, RunConfig, beginning_with, load_pianist, name_the_lead, policy_called, resolve,
+    IdentifyMethod, RunConfig, beginning_with, load_pianist, policy_called, resolve, set_latency_compensation,
 };
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
@@ -33,7 +33,7 @@ impl Trial {
     /// Whether its settings name the latency compensation.
     pub(crate) fn sets_latency_compensation(&self) -> bool {
         match &self.work {
-            TrialWork::Train { training, .. } => name_the_lead(&training.set),
+            TrialWork::Train { training, .. } => set_latency_compensation(&training.set),
             _ => false,
         }
     }

@@ -24,8 +24,8 @@ pub(crate) fn sight_reader() -> anyhow::Result<Option<Pianist>> {
 }
 
 /// The policy for the song `slug` with the highest mean of F1 and onset F1, of those that `fit` and
-/// were evaluated. One by an articulated plan comes before all others, because scores do not compare
-/// between plans. Of equally good policies, one of a run comes before the shipped one.
+/// were evaluated. One by an articulated plan comes before all others, because scores do not
+/// compare between plans. Of equally good policies, one of a run comes before the shipped one.
 ///
 /// # Errors
 /// If there are some, and none can be used.
@@ -34,7 +34,8 @@ fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<
     let (mut pianists, mut errors) = (Vec::new(), Vec::new());
     for path in policies(slug) {
         match open(&path) {
-            // A training that was stopped before its first evaluation has a policy that has learned nothing.
+            // A training that was stopped before its first evaluation has a policy that has learned
+            // nothing.
             Ok(pianist) if pianist.claimed_f1.is_none() || !fit(&pianist) => {}
             Ok(pianist) => pianists.push(pianist),
             Err(error) => errors.push(error),
@@ -62,8 +63,8 @@ pub struct Chosen {
 /// The player of `song`, which was `asked` for and has this short form, if no policy is named: the
 /// best of its policies that have learned these notes, or else the sight-reader. If that policy
 /// misses notes and the sight-reader is predicted to play more, the sight-reader plays the song in
-/// simulation, and is chosen if it plays more notes right with a higher F1. A policy that has learned
-/// loud and soft may have a slightly lower F1.
+/// simulation, and is chosen if it plays more notes right with a higher F1. A policy that has
+/// learned loud and soft may have a slightly lower F1.
 ///
 /// # Errors
 /// If there is none, or none can be used.
@@ -90,14 +91,15 @@ pub fn pianist_for(
     })
 }
 
-/// What loud and soft, which the sight-reader does not play, are worth in F1.
-const WORTH_OF_LOUD_AND_SOFT: f64 = 0.05;
+/// Added to the F1 of a policy that plays loud and soft, which the sight-reader does not.
+const VELOCITY_BONUS: f64 = 0.05;
 
-/// The sight-reader, if in simulation it plays more notes of `song` right than `own` has, and with a higher F1.
+/// The sight-reader, if in simulation it plays more notes of `song` right than `own` has, and with
+/// a higher F1.
 fn better_sight_reader(own: &Pianist, song: &Song, planner: &mut Planner<'_>) -> Option<Pianist> {
-    let worth = if own.config.task.velocities { WORTH_OF_LOUD_AND_SOFT } else { 0.0 };
+    let bonus = if own.config.task.velocities { VELOCITY_BONUS } else { 0.0 };
     let notes = own.claimed_notes.filter(|notes| *notes < song.notes().len() as f64)?;
-    let f1 = own.claimed_f1? + worth;
+    let f1 = own.claimed_f1? + bonus;
     let reader = sight_reader().ok()??;
     let task = &reader.config.task;
     let piece = planner.plan(song, task).ok()?;
@@ -116,7 +118,8 @@ mod tests {
 
     use super::*;
 
-    /// The prediction for chords without silence is too high. What counts is what the sight-reader plays.
+    /// The prediction for chords without silence is too high. What counts is what the sight-reader
+    /// plays.
     #[test]
     fn a_policy_is_passed_over_for_what_the_sight_reader_plays_and_not_for_what_is_predicted() {
         let song = repertoire::get("chord-progression").unwrap();

@@ -1,15 +1,15 @@
-//! A correction that was learned on a robot, in its file: with the song, the policy and the robot that it is for.
+//! A correction that was learned on a robot, in its file: with the song, the policy and the robot
+//! that it is for.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{Context as _, bail};
 use etude_music::Song;
 use etude_perform::session::RigChoice;
-use etude_perform::{Correction, Mode, write_file};
-use serde::de::DeserializeOwned;
+use etude_perform::{Correction, Mode};
 use serde::{Deserialize, Serialize};
 
-use crate::errors::unusable;
+use crate::json_files::load;
 use crate::pianist::{Pianist, load_pianist};
 
 /// A correction that was learned, with all that it is for.
@@ -23,7 +23,7 @@ pub struct CorrectionFile {
     pub(crate) policy: PathBuf,
     /// The mode in which it was learned.
     pub mode: Mode,
-    /// The lead of the plan, s.
+    /// The latency compensation, s.
     pub(crate) latency_compensation_secs: f64,
     /// The correction.
     pub correction: Correction,
@@ -88,22 +88,4 @@ impl CorrectionFile {
         pianist.config.task.plan.latency_compensation_secs = self.latency_compensation_secs;
         Ok(pianist)
     }
-}
-
-/// The content of a file; none if there is no file.
-pub(crate) fn load<T: DeserializeOwned>(file: &Path) -> anyhow::Result<Option<T>> {
-    let bytes = match std::fs::read(file) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(unusable(file, error)),
-    };
-    let damaged = |error| {
-        anyhow!("{} is damaged ({error}): remove its folder, and this part is made again", file.display())
-    };
-    serde_json::from_slice(&bytes).map(Some).map_err(damaged)
-}
-
-/// Writes it.
-pub(crate) fn save(file: &Path, content: &impl Serialize) -> anyhow::Result<()> {
-    Ok(write_file(file, &(serde_json::to_string(content)? + "\n"))?)
 }

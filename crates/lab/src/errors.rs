@@ -32,13 +32,13 @@ pub(crate) fn unusable(path: &Path, why: impl Display) -> anyhow::Error {
     anyhow!("{}: {why}; choose another folder with -o", path.display())
 }
 
-/// The error of a robot that stopped itself.
-pub(crate) fn stopped_itself(part: &str, fault: &str) -> anyhow::Error {
-    anyhow!("{part}: the robot stopped itself: {fault}; remove the cause, then give the same command again")
+/// The error of a safety stop.
+pub(crate) fn safety_stop(part: &str, fault: &str) -> anyhow::Error {
+    anyhow!("{part}: safety stop: {fault}; remove the cause, then give the same command again")
 }
 
-/// Releases the robot of `session` after `outcome`. Neither an error of the release nor what came before it hides the other: the operator
-/// must use the hardware stop, and know why.
+/// Releases the robot of `session` after `outcome`. Neither an error of the release nor what came
+/// before it hides the other: the operator must use the hardware stop, and know why.
 ///
 /// # Errors
 /// That of `outcome`, and that of the release.

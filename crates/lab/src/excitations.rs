@@ -6,22 +6,24 @@ use std::sync::atomic::AtomicBool;
 use etude_perform::session::RigChoice;
 use etude_perform::{Ending, Excitation};
 
-use crate::errors::{Interrupted, stopped_itself, unusable};
+use crate::errors::{Interrupted, safety_stop, unusable};
 use crate::folder::make_folder;
-use crate::record::{Motion, record_robot};
+use crate::record::{RobotMotion, record_robot};
 
-/// Records these excitations into `folder`, except those that are there already, and returns their paths. `tell` is called after each
-/// new one, with which it is, from 1, and how many there are.
+/// Records these excitations into `folder`, except those that are there already, and returns their
+/// paths. `on_progress` is called after each new one, with which it is, from 1, and how many there
+/// are.
 ///
 /// # Errors
-/// If the robot does not get ready or stops itself, or a recording cannot be written; [`Interrupted`] if `interrupt` is set.
+/// If the robot does not get ready or stops itself, or a recording cannot be written;
+/// [`Interrupted`] if `interrupt` is set.
 pub fn record_excitations(
     rig: &RigChoice,
     excitations: &[Excitation],
     folder: &Path,
     seed: u64,
     interrupt: &AtomicBool,
-    tell: &mut dyn FnMut(Excitation, [usize; 2]),
+    on_progress: &mut dyn FnMut(Excitation, [usize; 2]),
 ) -> anyhow::Result<Vec<PathBuf>> {
     make_folder(folder)?;
     let mut paths = Vec::new();
@@ -32,15 +34,15 @@ pub fn record_excitations(
         let path = folder.join(excitation_file(excitation));
         if !path.is_file() {
             let partial = path.with_extension("partial");
-            let motion = Motion::Excitation(excitation);
+            let motion = RobotMotion::Excitation(excitation);
             let seed = seed.wrapping_add(index as u64);
             match record_robot(rig, motion, true, seed, &partial, interrupt)?.ending {
                 Ending::Complete => {}
                 Ending::Interrupted => return Err(Interrupted::resumable().into()),
-                Ending::Fault(fault) => return Err(stopped_itself("recording", &fault)),
+                Ending::Fault(fault) => return Err(safety_stop("recording", &fault)),
             }
             std::fs::rename(&partial, &path).map_err(|error| unusable(&path, error))?;
-            tell(excitation, [paths.len() + 1, excitations.len()]);
+            on_progress(excitation, [paths.len() + 1, excitations.len()]);
         }
         paths.push(path);
     }

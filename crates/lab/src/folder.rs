@@ -1,9 +1,8 @@
 //! Folders: those that a user chooses, and the files in a run's folder.
 
-use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use etude_music::Song;
 
 /// Name of the resolved configuration in a run's folder.
@@ -19,7 +18,8 @@ pub(crate) fn other_notes(folder: &Path, song: &Song) -> Option<usize> {
     (!theirs.has_the_notes_of(song)).then(|| theirs.notes().len())
 }
 
-/// The policy file of the run in `folder` that should be played: the best, or the last while none has been evaluated.
+/// The policy file of the run in `folder` that should be played: the best, or the last while none
+/// has been evaluated.
 pub(crate) fn policy_in(folder: &Path) -> Option<PathBuf> {
     ["policy-best.safetensors", "policy-last.safetensors"]
         .map(|name| folder.join(name))
@@ -27,7 +27,8 @@ pub(crate) fn policy_in(folder: &Path) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-/// `text` as part of a file's name: letters and digits of ASCII in lower case, one `-` for all that is between them.
+/// `text` as part of a file's name: letters and digits of ASCII in lower case, one `-` for all that
+/// is between them.
 pub fn slug(text: &str) -> String {
     let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.collect::<Vec<_>>().join("-").to_ascii_lowercase()
@@ -42,18 +43,8 @@ pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
         .with_context(|| format!("cannot make the folder {}; choose another with -o", folder.display()))
 }
 
-/// Takes the lock of `file` for the work of a verb in `folder`. Where the file system has no locks, every process gets it.
-pub(crate) fn lock(file: File, verb: &str, folder: &Path) -> anyhow::Result<File> {
-    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
-        bail!(
-            "another `etude {verb}` is at work in {}: wait for it, stop it, or choose another folder with -o",
-            folder.display()
-        );
-    }
-    Ok(file)
-}
-
-/// A player in the name of a folder: a policy of a run by the run's folder, another one by its file.
+/// A player in the name of a folder: a policy of a run by the run's folder, another one by its
+/// file.
 pub fn player_slug(player: &Path) -> String {
     let is_of_run = player.file_name().is_some_and(|file| file.to_string_lossy().starts_with("policy-"));
     let named = player.parent().filter(|_| is_of_run).unwrap_or(player);

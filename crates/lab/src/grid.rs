@@ -1,8 +1,9 @@
 //! A policy on a fixed grid of worlds: how well it plays where the simulator's parameters are off.
 //!
-//! A policy plays best in the nominal world, since it was trained in it. The grid is a Latin hypercube over the widths of the pianist's own
-//! randomisation ([`etude_task::Randomisation::grid`]), the same for the same seed, so that policies are compared in the
-//! same worlds; their worst tenth says more about a robot than their mean (a judgement).
+//! A policy plays best in the nominal world, since it was trained in it. The grid is a Latin
+//! hypercube over the widths of the pianist's own randomisation
+//! ([`etude_task::Randomisation::grid`]), the same for the same seed, so that policies are compared
+//! in the same worlds; their worst tenth says more about a robot than their mean (a judgement).
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -56,7 +57,8 @@ pub struct WorldScores {
     pub collision_free: f64,
 }
 
-/// Mean F1 where one number is low, in the middle or high among the worlds, which are split in thirds.
+/// Mean F1 where one number is low, in the middle or high among the worlds, which are split in
+/// thirds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Marginal {
     /// Path of the number.
@@ -123,8 +125,9 @@ pub struct GridReport {
     pub csv: Option<PathBuf>,
 }
 
-/// Plays `song` once in each world of the grid, over the threads of the current rayon pool. `watch` receives the number of
-/// finished worlds after each, on any thread. If it returns `false`, the evaluation stops and there is no report.
+/// Plays `song` once in each world of the grid, over the threads of the current rayon pool. `watch`
+/// receives the number of finished worlds after each, on any thread. If it returns `false`, the
+/// evaluation stops and there is no report.
 ///
 /// # Errors
 /// If the song does not fit the keyboard, or the pianist's task or the grid is not sound.

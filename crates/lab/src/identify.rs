@@ -13,6 +13,7 @@ use serde::de::IntoDeserializer as _;
 use serde::{Deserialize, Serialize};
 
 use crate::folder::make_folder;
+use crate::json_files::save_pretty;
 
 /// Name of the identified simulator in its folder: a layer for `--config`.
 pub const IDENTIFIED: &str = "identified.toml";
@@ -73,7 +74,8 @@ pub struct Identification {
     pub held_out: Vec<PathBuf>,
     /// The method.
     pub method: IdentifyMethod,
-    /// Evaluations of a joint, a finger or the keyboard after which its fit ends; by default the method's own.
+    /// Evaluations of a joint, a finger or the keyboard after which its fit ends; by default the
+    /// method's own.
     pub evaluations: Option<u64>,
     /// Owns every random draw.
     pub seed: u64,
@@ -110,7 +112,8 @@ pub struct IdentifyReport {
     pub file: PathBuf,
 }
 
-/// Fits the simulator and writes the results into `folder`. After an interruption the same call resumes the fit.
+/// Fits the simulator and writes the results into `folder`. After an interruption the same call
+/// resumes the fit.
 ///
 /// # Errors
 /// If a recording cannot be used, the fit fails, or a file cannot be written;
@@ -161,7 +164,7 @@ pub fn identify_robot(
         identified,
     };
     write_file(&result.file, &layer(&result))?;
-    write_file(&folder.join(RESULT), &(serde_json::to_string_pretty(&result)? + "\n"))?;
+    save_pretty(&folder.join(RESULT), &result)?;
     let report = Report::new(&ReportInput {
         fitted: &fitted,
         held_out: &held_out,

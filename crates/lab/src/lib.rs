@@ -1,8 +1,9 @@
 //! Runs: from names and files to a trained policy, its scores, and a simulator fitted to the robot.
 //!
-//! [`RunConfig`] is everything that decides a training; it comes in layers (preset, file, overrides) and is written
-//! into the run's folder, where it is itself a valid config file. A [`Run`] makes policies, [`play`](play()) plays them in simulation,
-//! [`play_on_robot`] on a robot or its twin, [`identify_robot`] fits the simulator to recordings, and [`rehearse_on_robot`] does
+//! [`RunConfig`] is everything that decides a training; it comes in layers (preset, file,
+//! overrides) and is written into the run's folder, where it is itself a valid config file. A
+//! [`Run`] makes policies, [`play`](play()) plays them in simulation, [`play_on_robot`] on a robot
+//! or its twin, [`identify_robot`] fits the simulator to recordings, and [`rehearse_on_robot`] does
 //! all of it in iterations.
 
 mod adapt;
@@ -16,6 +17,7 @@ mod excitations;
 mod folder;
 mod grid;
 mod identify;
+mod json_files;
 pub mod machine;
 mod pianist;
 mod planner;
@@ -26,6 +28,7 @@ mod rehearse;
 mod results;
 mod robot;
 mod run;
+mod training_progress;
 mod warm;
 mod zero_shot;
 
@@ -43,12 +46,13 @@ pub use pianist::{Pianist, load_pianist};
 pub use planner::Planner;
 pub use play::{Files, PAGE, PlayReport, RECORDING, REPORT, play, scores_in_simulation};
 pub use policy_files::{policies, policy_called, shipped_policy};
-pub use record::{Motion, Recorded, record_robot};
+pub use record::{Recorded, RobotMotion, record_robot};
 pub use rehearse::{
-    Iteration, RehearsalConfig, RehearsalStep, best_iteration, name_the_lead, rehearse_on_robot,
+    Iteration, RehearsalConfig, RehearsalStep, best_iteration, rehearse_on_robot, set_latency_compensation,
 };
 pub use results::{LATEST, all_results, is_other_result, latest_result, numbered};
 pub use robot::{MeanNotes, RobotPlay, RobotReport, RobotRun, RobotStep, play_on_robot, run_file};
-pub use run::{Run, TrainingProgress, find_song};
+pub use run::{Run, find_song};
+pub use training_progress::TrainingProgress;
 pub use warm::beginning_with;
 pub use zero_shot::{Arrangement, SIGHT_READER, ZeroShot, cannot_be_played, easier, predict_zero_shot};

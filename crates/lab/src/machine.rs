@@ -11,8 +11,8 @@ pub fn processor() -> String {
     proc_field("/proc/cpuinfo", "model name").unwrap_or_else(|| std::env::consts::ARCH.to_string())
 }
 
-/// This machine in one line, for a table of measurements: its processor, cores, memory and load, as far as the system
-/// reports them.
+/// This machine in one line, for a table of measurements: its processor, cores, memory and load, as
+/// far as the system reports them.
 pub fn machine() -> String {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let memory = proc_field("/proc/meminfo", "MemTotal")

@@ -18,14 +18,14 @@ pub(crate) enum Kind {
     /// A learned policy, from this file.
     Policy(Box<Policy>, PathBuf),
     /// Inverse kinematics and timing, without learning.
-    Script,
+    Scripted,
 }
 
 /// A pianist that is ready for one piece.
 #[derive(Clone)]
 pub(crate) enum Ready {
     Policy(Box<Policy>),
-    Script(Box<ScriptedBaseline>),
+    Scripted(Box<ScriptedBaseline>),
 }
 
 impl Ready {
@@ -33,7 +33,7 @@ impl Ready {
     pub(crate) fn limits(&self) -> Option<String> {
         match self {
             Self::Policy(_) => None,
-            Self::Script(script) => Some(script.limits().to_string()),
+            Self::Scripted(baseline) => Some(baseline.limits().to_string()),
         }
     }
 }
@@ -42,7 +42,7 @@ impl etude_task::Player for Ready {
     fn act(&mut self, step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]) {
         match self {
             Self::Policy(policy) => policy.act(observation, action),
-            Self::Script(script) => *action = script.action(step),
+            Self::Scripted(baseline) => *action = baseline.action(step),
         }
     }
 }
@@ -114,15 +114,16 @@ fn list_changes(path: &str, old: &Value, new: &Value, changes: &mut Vec<String>)
 }
 
 impl Pianist {
-    /// The scripted baseline, the baseline that needs no training, in the world of the default preset. It plans for itself, so its actions
-    /// are those of a task without a fingering: it moves the rail earlier than the plan, by the rail's lag.
+    /// The scripted baseline, the baseline that needs no training, in the world of the default
+    /// preset. It plans for itself, so its actions are those of a task without a fingering: it
+    /// moves the rail earlier than the plan, by the rail's lag.
     pub fn scripted() -> Self {
         let mut changes = ["task.fingering=false", "task.finger_range=0"].map(str::to_string).to_vec();
         changes.push(format!("task.change_steps={}", TaskConfig::default().change_steps));
         changes.extend(FINGERING_TERMS.map(|term| format!("task.reward.{term}=0")));
         let config = resolve(DEFAULT_PRESET, None, &changes).expect("a preset of our own is sound");
         Self {
-            kind: Kind::Script,
+            kind: Kind::Scripted,
             config,
             song: None,
             claimed_f1: None,
@@ -136,7 +137,7 @@ impl Pianist {
     pub fn policy(&self) -> Option<&Policy> {
         match &self.kind {
             Kind::Policy(policy, _) => Some(policy),
-            Kind::Script => None,
+            Kind::Scripted => None,
         }
     }
 
@@ -149,7 +150,7 @@ impl Pianist {
     pub fn file(&self) -> Option<&Path> {
         match &self.kind {
             Kind::Policy(_, path) => Some(path),
-            Kind::Script => None,
+            Kind::Scripted => None,
         }
     }
 
@@ -164,12 +165,13 @@ impl Pianist {
             && self.learned_other_notes(song).is_none()
     }
 
-    /// Number of notes of the song that the policy was trained on, if these are not the notes of `song`; `None` if they are, or if
-    /// the policy is not in a run's folder. Titles are not compared.
+    /// Number of notes of the song that the policy was trained on, if these are not the notes of
+    /// `song`; `None` if they are, or if the policy is not in a run's folder. Titles are not
+    /// compared.
     pub fn learned_other_notes(&self, song: &Song) -> Option<usize> {
         match &self.kind {
             Kind::Policy(_, path) => other_notes(path.parent()?, song),
-            Kind::Script => None,
+            Kind::Scripted => None,
         }
     }
 
@@ -182,14 +184,15 @@ impl Pianist {
     ) -> Result<Ready, TaskError> {
         Ok(match &self.kind {
             Kind::Policy(policy, _) => Ready::Policy(policy.clone()),
-            Kind::Script => {
-                Ready::Script(Box::new(ScriptedBaseline::new_with_progress(task, piece, on_progress)?))
+            Kind::Scripted => {
+                Ready::Scripted(Box::new(ScriptedBaseline::new_with_progress(task, piece, on_progress)?))
             }
         })
     }
 
-    /// Changes the world that the policy is played in, by overrides of the form `a.b=value`. Returns the settings that
-    /// are not those of its training, except the lead of the plan, which changes nothing for the policy.
+    /// Changes the world that the policy is played in, by overrides of the form `a.b=value`.
+    /// Returns the settings that are not those of its training, except the latency compensation,
+    /// which changes nothing for the policy.
     ///
     /// # Errors
     /// If an override is not sound, or would change what the policy sees.

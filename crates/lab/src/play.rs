@@ -1,4 +1,5 @@
-//! Playing a song in simulation, and the files of a performance: scores, MIDI, sound, frames, recording.
+//! Playing a song in simulation, and the files of a performance: scores, MIDI, sound, frames,
+//! recording.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -7,8 +8,7 @@ use anyhow::bail;
 use etude_music::sound::{self, SoundFont};
 use etude_music::{CONTROL_HZ, Song};
 use etude_perform::{
-    DueNote, Ending, Header, Job, Performance, RecordingWriter, Scores, SimRig, perform, write_file,
-    write_frames_csv,
+    DueNote, Ending, Header, Job, Performance, RecordingWriter, Scores, SimRig, perform, write_frames_csv,
 };
 use etude_robot::rig::RigConfig;
 use etude_stage::JOINT_NAMES;
@@ -16,6 +16,7 @@ use etude_task::{ACTION_LEN, Piece, Player as _};
 use serde::Serialize;
 
 use crate::errors::{Interrupted, unusable};
+use crate::json_files::save_pretty;
 use crate::pianist::Pianist;
 use crate::planner::Planner;
 use crate::results::in_new_result;
@@ -61,8 +62,8 @@ pub struct Files {
     pub report: Option<PathBuf>,
 }
 
-/// Plays the whole song and writes the files into a new numbered folder in `results`. `job` receives
-/// the share that is played, 0 to 1.
+/// Plays the whole song and writes the files into a new numbered folder in `results`. `job`
+/// receives the share that is played, 0 to 1.
 ///
 /// # Errors
 /// If the song does not fit the keyboard, a file cannot be written, or the job is interrupted:
@@ -117,8 +118,8 @@ fn play_into(
         Ending::Fault(why) => bail!("the performance was cut short: {why}"),
     }
     let simulated = performance.simulation.unwrap_or_default();
-    keep(&files, &performance, font)?;
-    keep_reference(&files.reference, &piece, font)?;
+    write_performance(&files, &performance, font)?;
+    write_reference(&files.reference, &piece, font)?;
     let report = PlayReport {
         song: song.title().to_string(),
         player: pianist.name(),
@@ -129,7 +130,7 @@ fn play_into(
         limits: ready.limits(),
         files,
     };
-    write_report(folder, &report)?;
+    save_pretty(&folder.join(REPORT), &report)?;
     Ok(report)
 }
 
@@ -142,7 +143,8 @@ pub const PAGE: &str = "replay.html";
 /// What should have been played, as sound.
 pub(crate) const REFERENCE: &str = "reference.wav";
 
-/// Scores of the pianist in simulation alone, in the nominal world: the scores in a randomised world depend on the draw.
+/// Scores of the pianist in simulation alone, in the nominal world: the scores in a randomised
+/// world depend on the draw.
 ///
 /// # Errors
 /// If the task of the pianist is not sound.
@@ -176,20 +178,18 @@ pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option
 }
 
 /// Writes what should be played as sound.
-pub(crate) fn keep_reference(path: &Path, piece: &Piece, font: Option<&SoundFont>) -> anyhow::Result<()> {
+pub(crate) fn write_reference(path: &Path, piece: &Piece, font: Option<&SoundFont>) -> anyhow::Result<()> {
     Ok(sound::write_wav(path, &sound::render(piece.notes(), font)?)?)
 }
 
 /// Writes what was played as MIDI, as sound and as a table of keys.
-pub(crate) fn keep(files: &Files, performance: &Performance, font: Option<&SoundFont>) -> anyhow::Result<()> {
+pub(crate) fn write_performance(
+    files: &Files,
+    performance: &Performance,
+    font: Option<&SoundFont>,
+) -> anyhow::Result<()> {
     let (notes, piece) = (performance.notes(), &performance.piece);
     sound::write_wav(&files.wav, &sound::render(&notes, font)?)?;
     Song::new(piece.title(), notes, performance.secs())?.save(&files.midi)?;
     Ok(write_frames_csv(&files.frames, piece.frames(), Some(&performance.keys_heard()))?)
-}
-
-/// Writes a report beside the files of a performance.
-pub(crate) fn write_report(folder: &Path, report: &impl Serialize) -> anyhow::Result<()> {
-    let text = serde_json::to_string_pretty(report).expect("a report is plain numbers and strings");
-    Ok(write_file(&folder.join(REPORT), &(text + "\n"))?)
 }

@@ -9,7 +9,8 @@ use crate::folder::policy_in;
 /// Folder of the runs, in the working folder.
 pub(crate) const RUNS: &str = "runs";
 
-/// Folders that may hold shipped policies: `policies` in the working folder, beside an installed binary, the source tree.
+/// Folders that may hold shipped policies: `policies` in the working folder, beside an installed
+/// binary, the source tree.
 fn policy_folders() -> Vec<PathBuf> {
     let mut folders = vec![PathBuf::from("policies")];
     if let Some(prefix) =
@@ -28,7 +29,8 @@ pub fn shipped_policy(slug: &str) -> Option<PathBuf> {
     policy_folders().into_iter().map(|folder| folder.join(&name)).find(|path| path.is_file())
 }
 
-/// The policy called `name`: a policy file, the folder of a run, or the name of a policy that comes with Étude.
+/// The policy called `name`: a policy file, the folder of a run, or the name of a policy that comes
+/// with Étude.
 ///
 /// # Errors
 /// If there is none.
@@ -54,7 +56,8 @@ pub fn policy_called(name: &Path) -> anyhow::Result<PathBuf> {
     })
 }
 
-/// The policies for the song `slug`: those of the runs in `runs/`, then the one that comes with Étude.
+/// The policies for the song `slug`: those of the runs in `runs/`, then the one that comes with
+/// Étude.
 pub fn policies(slug: &str) -> Vec<PathBuf> {
     let mut found: Vec<PathBuf> = std::fs::read_dir(RUNS)
         .into_iter()

@@ -17,7 +17,7 @@ use crate::errors::released;
 
 /// What a robot does while it is recorded.
 #[derive(Clone, Copy, Debug)]
-pub enum Motion {
+pub enum RobotMotion {
     /// It holds still for this time, or until it is interrupted.
     Rest(Option<Duration>),
     /// It moves through a sequence.
@@ -33,14 +33,15 @@ pub struct Recorded {
     pub ending: Ending,
 }
 
-/// Brings a robot up (and, with `home`, to the keyboard), lets it move, and records everything that happens. `seed` is
-/// added to that of the twin parameters.
+/// Brings a robot up (and, with `home`, to the keyboard), lets it move, and records everything that
+/// happens. `seed` is added to that of the twin parameters.
 ///
 /// # Errors
-/// If the robot does not get ready, or the recording cannot be written. A robot that stops itself is an [`Ending`].
+/// If the robot does not get ready, or the recording cannot be written. A robot that stops itself
+/// is an [`Ending`].
 pub fn record_robot(
     rig: &RigChoice,
-    motion: Motion,
+    motion: RobotMotion,
     home: bool,
     seed: u64,
     path: &Path,
@@ -48,8 +49,8 @@ pub fn record_robot(
 ) -> anyhow::Result<Recorded> {
     let side = rig.side();
     let activity = match motion {
-        Motion::Rest(_) => Activity::Rest,
-        Motion::Excitation(excitation) => Activity::Excitation(excitation),
+        RobotMotion::Rest(_) => Activity::Rest,
+        RobotMotion::Excitation(excitation) => Activity::Excitation(excitation),
     };
     let header = Header {
         player: "nobody".to_string(),
@@ -76,7 +77,7 @@ pub fn record_robot(
 
 fn act(
     session: &mut Session,
-    motion: Motion,
+    motion: RobotMotion,
     side: Side,
     home: bool,
     writer: &mut RecordingWriter,
@@ -84,14 +85,14 @@ fn act(
 ) -> Result<Ending, PerformError> {
     let Session { robot, pace } = session;
     let pose = match motion {
-        Motion::Rest(_) => start_pose(side).map_err(TaskError::from)?,
-        Motion::Excitation(excitation) => excitation.start(),
+        RobotMotion::Rest(_) => start_pose(side).map_err(TaskError::from)?,
+        RobotMotion::Excitation(excitation) => excitation.start(),
     };
     prepare(robot, pace, home.then_some(&pose), Some(writer), interrupt)?;
     let mut rig = RobotRig::new(robot, pace, &pose);
     match motion {
-        Motion::Rest(longest) => rig.hold(longest, &mut Recorder::new(Some(writer)), interrupt),
-        Motion::Excitation(excitation) => {
+        RobotMotion::Rest(longest) => rig.hold(longest, &mut Recorder::new(Some(writer)), interrupt),
+        RobotMotion::Excitation(excitation) => {
             let (mut player, piece) = ExcitationPlayer::new(excitation, side);
             let task = TaskConfig::default();
             Ok(perform(&mut rig, &mut player, &task, &piece, Some(writer), interrupt)?.ending)

@@ -16,7 +16,8 @@ use crate::folder::make_folder;
 pub const LATEST: &str = "latest";
 
 /// Makes a numbered folder in `results` and calls `work` with it. If what it returns `is_complete`,
-/// `latest` links to the folder from then on. After an error, a folder without a recording is removed.
+/// `latest` links to the folder from then on. After an error, a folder without a recording is
+/// removed.
 ///
 /// # Errors
 /// If the folder cannot be made or linked, and as `work`.

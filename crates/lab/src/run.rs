@@ -1,27 +1,28 @@
 //! Training a song or a corpus: the run folder, its description, and the trainer in it.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow, bail};
 use etude_learn::{
-    EvaluationRow, LogRow, Outcome, Policy, Score, StopReason, TrainError, Trainer, TrainerConfig,
-    TrainingInputs, TrainingObserver, seed,
+    Outcome, Policy, Score, TrainError, Trainer, TrainerConfig, TrainingInputs, TrainingObserver, seed,
 };
 use etude_music::{Song, SongError};
-use etude_perform::{Job, NoteCounts, SongEvaluator, shell_word, write_file};
+use etude_perform::{Job, SongEvaluator, shell_word, write_file};
 use etude_task::{Corpus, TaskConfig, VectorPiano};
 use serde_json::{Value, json};
 
-use crate::config::{RunConfig, change_free, resolve as resolve_config};
+use crate::config::{RunConfig, change_resumable, resolve as resolve_config};
 use crate::errors::unusable;
-use crate::folder::{CONFIG, META, SONG, lock, make_folder, other_notes, policy_in};
+use crate::folder::{CONFIG, META, SONG, make_folder, other_notes, policy_in};
 use crate::pianist::open;
 use crate::planner::Planner;
+use crate::training_progress::{JobObserver, TrainingProgress};
 use crate::warm::warm_start;
 
-/// Name of the file that a process locks while it works in a run's folder. The system releases the lock when the process ends.
+/// Name of the file that a process locks while it works in a run's folder. The system releases the
+/// lock when the process ends.
 const LOCK: &str = "run.lock";
 
 /// What a training without a song of its own learns, as its description says.
@@ -37,51 +38,31 @@ pub struct Run {
 }
 
 impl Run {
-    /// Starts a training of `song` in `folder`. `command` is recorded. A corpus of the configuration is not used.
+    /// Starts a training in `folder`: of `song` or, without one, of the configuration's corpus.
+    /// `command` is recorded.
     ///
-    /// Without a `source` the networks are random. A `source` is what another training of the song has learned, in any physics:
-    /// a run's folder (its last policy with critics, targets and temperature) or a policy file (the actor alone). See
-    /// [`WarmStart`](etude_learn::WarmStart).
+    /// Without a `source` the networks are random. A `source` is what another training has learned,
+    /// in any physics: a run's folder (its last policy with critics, targets and temperature) or a
+    /// policy file (the actor alone). See [`WarmStart`](etude_learn::WarmStart).
     ///
     /// # Errors
-    /// If the song or configuration cannot be used, or the folder cannot be written or already holds a run; and if the
-    /// source cannot be read, has learned another song, or its networks or its observations and actions have another form. Nothing
-    /// is written before all of this is checked.
+    /// If there is neither a song nor a corpus, they or the configuration cannot be used, or the
+    /// folder cannot be written or already holds a run; and if the source cannot be read, has
+    /// learned another song, or its networks or its observations and actions have another form.
+    /// Nothing is written before all of this is checked.
     pub fn start(
-        song: Song,
-        config: RunConfig,
+        song: Option<Song>,
+        mut config: RunConfig,
         folder: &Path,
         command: &str,
         source: Option<&Path>,
         planner: &mut Planner<'_>,
     ) -> anyhow::Result<Self> {
-        Self::begin(Some(song), RunConfig { corpus: None, ..config }, folder, command, source, planner)
-    }
-
-    /// Starts a training of the configuration's corpus, as [`start`](Self::start).
-    ///
-    /// # Errors
-    /// As that; also if there is no corpus.
-    pub fn start_corpus(
-        config: RunConfig,
-        folder: &Path,
-        command: &str,
-        source: Option<&Path>,
-    ) -> anyhow::Result<Self> {
-        if config.corpus.is_none() {
+        if song.is_some() {
+            config.corpus = None;
+        } else if config.corpus.is_none() {
             bail!("name a song to learn, or a preset with a corpus of pieces: --preset sight-reader");
         }
-        Self::begin(None, config, folder, command, source, &mut Planner::default())
-    }
-
-    fn begin(
-        song: Option<Song>,
-        config: RunConfig,
-        folder: &Path,
-        command: &str,
-        source: Option<&Path>,
-        planner: &mut Planner<'_>,
-    ) -> anyhow::Result<Self> {
         if Trainer::exists(folder) {
             if let Some(song) = &song
                 && let Some(theirs) = other_notes(folder, song)
@@ -104,9 +85,9 @@ impl Run {
         let config = config.complete();
         config.check()?;
         let title = song.as_ref().map(Song::title);
-        let parts = parts(song.as_ref(), &config, planner)?;
-        let warm = source.map(|source| warm_start(source, title, &config, &parts)).transpose()?;
-        check_foreign(folder)?;
+        let inputs = inputs(song.as_ref(), &config, planner)?;
+        let warm = source.map(|source| warm_start(source, title, &config, &inputs)).transpose()?;
+        check_replaceable(folder)?;
         make_folder(folder)?;
         let lock = lock_run(folder)?;
         let notes = song.as_ref().map(Song::to_midi);
@@ -127,15 +108,17 @@ impl Run {
             write_file(&folder.join(SONG), &notes)?;
         }
         let (droq, trainer) = (&config.droq, &config.trainer);
-        let trainer = Trainer::start(folder, droq, trainer, parts, warm.as_ref())?;
+        let trainer = Trainer::start(folder, droq, trainer, inputs, warm.as_ref())?;
         Ok(Self { song, config, trainer, _lock: lock })
     }
 
-    /// Resumes the training in `folder` from its last checkpoint, bit for bit. `overrides` may change its length and how often
-    /// it is evaluated, logged and saved, but nothing that affects what it learns.
+    /// Resumes the training in `folder` from its last checkpoint, bit for bit. `overrides` may
+    /// change its length and how often it is evaluated, logged and saved, but nothing that affects
+    /// what it learns.
     ///
     /// # Errors
-    /// If the folder holds no run or a damaged one, or an override would make another training of it.
+    /// If the folder holds no run or a damaged one, or an override would make another training of
+    /// it.
     pub fn resume(folder: &Path, overrides: &[String], planner: &mut Planner<'_>) -> anyhow::Result<Self> {
         let without = |name: &str| match Trainer::exists(folder) {
             true => anyhow!(
@@ -149,7 +132,7 @@ impl Run {
             ),
         };
         if Trainer::exists(folder) {
-            Trainer::check_schema(folder).map_err(|error| usable_still(error, folder))?;
+            Trainer::check_schema(folder).map_err(|error| with_policy_hint(error, folder))?;
         }
         let settings =
             Some(folder.join(CONFIG)).filter(|config| config.is_file()).ok_or_else(|| without(CONFIG))?;
@@ -164,7 +147,7 @@ impl Run {
         if config.corpus.is_none() && !folder.join(SONG).is_file() {
             return Err(without(SONG));
         }
-        let config = change_free(&config, overrides)?;
+        let config = change_resumable(&config, overrides)?;
         config.check()?;
         let song = match config.corpus {
             Some(_) => None,
@@ -188,15 +171,15 @@ impl Run {
             );
         }
         let trainer =
-            Trainer::resume(folder, &config.droq, &config.trainer, parts(song.as_ref(), &config, planner)?)
-                .map_err(|error| usable_still(error, folder))?;
+            Trainer::resume(folder, &config.droq, &config.trainer, inputs(song.as_ref(), &config, planner)?)
+                .map_err(|error| with_policy_hint(error, folder))?;
         if !overrides.is_empty() {
             write_config(folder, &config)?;
         }
         Ok(Self { song, config, trainer, _lock: lock })
     }
 
-    /// Resumes the training in `folder`, or starts it, as [`start`](Self::start); without a song as [`start_corpus`](Self::start_corpus).
+    /// Resumes the training in `folder`, or starts it, as [`start`](Self::start).
     ///
     /// # Errors
     /// As those.
@@ -212,10 +195,7 @@ impl Run {
         if Trainer::exists(folder) {
             return Self::resume(folder, &[threads], planner);
         }
-        match song {
-            Some(song) => Self::start(song, config, folder, command, source, planner),
-            None => Self::start_corpus(config, folder, command, source),
-        }
+        Self::start(song, config, folder, command, source, planner)
     }
 
     /// The song that is learned; none where a corpus is.
@@ -253,60 +233,7 @@ impl Run {
     pub fn run_job(&mut self, job: &mut Job<'_, TrainingProgress>) -> anyhow::Result<Outcome> {
         let (step, total) = (self.step(), self.config.trainer.total_steps);
         let at = TrainingProgress::new(step, total, self.best_scores());
-        self.run(&mut Watch { at, job })
-    }
-}
-
-/// The progress of a training.
-#[derive(Clone, Copy, Debug)]
-pub struct TrainingProgress {
-    /// Environment steps so far.
-    pub step: u64,
-    /// Environment steps in all.
-    pub total: u64,
-    /// Notes of the best policy so far.
-    pub best_notes: Option<NoteCounts>,
-    /// Its F1 by control step.
-    pub best_f1: Option<f64>,
-}
-
-impl TrainingProgress {
-    fn new(step: u64, total: u64, best: &[Score]) -> Self {
-        Self {
-            step,
-            total,
-            best_notes: NoteCounts::of_evaluation(best),
-            best_f1: best.first().map(|score| score.value),
-        }
-    }
-
-    /// The share of the training that is done, 0 to 1.
-    pub fn share(&self) -> f64 {
-        self.step as f64 / self.total.max(1) as f64
-    }
-}
-
-struct Watch<'a, 'b> {
-    at: TrainingProgress,
-    job: &'a mut Job<'b, TrainingProgress>,
-}
-
-impl TrainingObserver for Watch<'_, '_> {
-    fn on_log(&mut self, row: &LogRow) {
-        self.at.step = row.step;
-        self.job.report(&self.at);
-    }
-
-    fn on_evaluation(&mut self, row: &EvaluationRow) {
-        self.at = match row.best {
-            true => TrainingProgress::new(row.step, self.at.total, &row.scores),
-            false => TrainingProgress { step: row.step, ..self.at },
-        };
-        self.job.report(&self.at);
-    }
-
-    fn should_stop(&mut self) -> Option<StopReason> {
-        self.job.is_interrupted().then_some(StopReason::Requested)
+        self.run(&mut JobObserver { at, job })
     }
 }
 
@@ -332,7 +259,7 @@ fn recorded_checksum(folder: &Path) -> Option<String> {
 }
 
 /// The error of a training that cannot be resumed, with what of it can still be used.
-fn usable_still(error: TrainError, folder: &Path) -> anyhow::Error {
+fn with_policy_hint(error: TrainError, folder: &Path) -> anyhow::Error {
     let policy = policy_in(folder).filter(|_| !matches!(error, TrainError::NothingToResume { .. }));
     let Some(policy) = policy.filter(|policy| Policy::load(policy).is_ok()) else { return error.into() };
     let [song, config, policy] =
@@ -362,18 +289,16 @@ pub fn find_song(name_or_path: &str) -> Result<Song, SongError> {
 
 /// `song` under the title that the description of the run in `folder` gives it, if there is one.
 fn titled(song: Song, folder: &Path) -> Result<Song, SongError> {
-    let title = std::fs::read(folder.join(META))
-        .ok()
-        .and_then(|text| serde_json::from_slice::<serde_json::Value>(&text).ok())
-        .and_then(|meta| meta["song"].as_str().map(str::to_string));
-    let Some(title) = title else { return Ok(song) };
+    let Some(title) = read_meta(folder).and_then(|meta| meta["song"].as_str().map(str::to_string)) else {
+        return Ok(song);
+    };
     let beats = song.beats().clone();
     Ok(Song::new(title, song.notes().to_vec(), song.duration_secs())?.with_beats(beats))
 }
 
-/// Refuses a folder with files that a training would replace, unless a training without a checkpoint, which has failed or was killed, has
-/// written them.
-fn check_foreign(folder: &Path) -> anyhow::Result<()> {
+/// Refuses a folder with files that a training would replace, unless a training without a
+/// checkpoint, which has failed or was killed, has written them.
+fn check_replaceable(folder: &Path) -> anyhow::Result<()> {
     let is_of_a_training = read_meta(folder).is_some_and(|meta| meta["etude"].is_string());
     let mut names = [META, CONFIG, SONG, "metrics.jsonl"].iter();
     match names.find(|name| folder.join(name).exists()).filter(|_| !is_of_a_training) {
@@ -389,16 +314,22 @@ fn write_config(folder: &Path, config: &RunConfig) -> anyhow::Result<()> {
     Ok(write_file(&folder.join(CONFIG), &toml::to_string(config)?)?)
 }
 
-/// Takes the lock of a run's `folder`.
+/// Takes the lock of a run's `folder`. Where the file system has no locks, every process gets it.
 fn lock_run(folder: &Path) -> anyhow::Result<File> {
     let path = folder.join(LOCK);
     let file =
         File::options().create(true).append(true).open(&path).map_err(|error| unusable(&path, error))?;
-    lock(file, "train", folder)
+    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+        bail!(
+            "another `etude train` is at work in {}: wait for it, stop it, or choose another folder with -o",
+            folder.display()
+        );
+    }
+    Ok(file)
 }
 
 /// What a training of `song` or, without one, of the corpus needs.
-fn parts(
+fn inputs(
     song: Option<&Song>,
     config: &RunConfig,
     planner: &mut Planner<'_>,

@@ -9,9 +9,10 @@ use crate::config::RunConfig;
 use crate::folder::policy_in;
 use crate::pianist::open;
 
-/// `config` for a training that begins with what the run or policy at `source` has learned. The range of the rail's targets is that of
-/// the source, whose actions have no meaning in another one. If the source is a sight-reader, the training has its networks, its
-/// observation and its plan too, which it has learned to play.
+/// `config` for a training that begins with what the run or policy at `source` has learned. The
+/// range of the rail's targets is that of the source, whose actions have no meaning in another one.
+/// If the source is a sight-reader, the training has its networks, its observation and its plan
+/// too, which it has learned to play.
 pub fn beginning_with(mut config: RunConfig, source: &Path) -> RunConfig {
     let file = if source.is_dir() { policy_in(source) } else { Some(source.to_path_buf()) };
     let Some(theirs) = file.and_then(|file| open(&file).ok()).map(|pianist| pianist.config) else {
@@ -21,7 +22,8 @@ pub fn beginning_with(mut config: RunConfig, source: &Path) -> RunConfig {
     if theirs.corpus.is_some() { in_the_form_of(config, &theirs) } else { config }
 }
 
-/// `config` with the networks and the observation of `other`, and its plan, so that a training can begin with what that one has learned.
+/// `config` with the networks and the observation of `other`, and its plan, so that a training can
+/// begin with what that one has learned.
 fn in_the_form_of(mut config: RunConfig, other: &RunConfig) -> RunConfig {
     config.droq.hidden.clone_from(&other.droq.hidden);
     let (task, other) = (&mut config.task, &other.task);
@@ -37,8 +39,8 @@ fn in_the_form_of(mut config: RunConfig, other: &RunConfig) -> RunConfig {
     config
 }
 
-/// What the run or policy at `path` has learned, if a training by `config` of the song with this title, or of a corpus, can begin with
-/// it.
+/// What the run or policy at `path` has learned, if a training by `config` of the song with this
+/// title, or of a corpus, can begin with it.
 pub(crate) fn warm_start(
     path: &Path,
     song: Option<&str>,
@@ -66,9 +68,10 @@ pub(crate) fn warm_start(
     if learned.is_none() && theirs.corpus.is_none() {
         return Err(unknown());
     }
-    // A training of any song can begin with what has learned a corpus, and one of a corpus with what has learned a song.
+    // A training of any song can begin with what has learned a corpus, and one of a corpus with
+    // what has learned a song.
     let both = learned.zip(song);
-    let told = |title: Option<&str>, config: &RunConfig| {
+    let describe = |title: Option<&str>, config: &RunConfig| {
         let task = &config.task;
         [
             format!("of the song `{}`", title.unwrap_or_default()),
@@ -84,9 +87,9 @@ pub(crate) fn warm_start(
             format!("with the view of the {:?} (`task.view`)", task.view),
         ]
     };
-    let pairs = told(both.map(|(theirs, _)| theirs), &theirs)
+    let pairs = describe(both.map(|(theirs, _)| theirs), &theirs)
         .into_iter()
-        .zip(told(both.map(|(_, ours)| ours), config));
+        .zip(describe(both.map(|(_, ours)| ours), config));
     if let Some((theirs, ours)) = { pairs }.find(|(theirs, ours)| theirs != ours) {
         bail!(
             "a training cannot begin with what {} has learned: that is {theirs}, this one {ours}; set the same value, \
@@ -104,7 +107,8 @@ mod tests {
     use crate::config::{DEFAULT_PRESET, resolve};
     use crate::policy_files::shipped_policy;
 
-    /// Some policies have more room for the rail than the preset, and are trained further all the same.
+    /// Some policies have more room for the rail than the preset, and are trained further all the
+    /// same.
     #[test]
     fn a_training_has_the_rails_range_of_the_policy_that_it_begins_with() {
         let fast = resolve(DEFAULT_PRESET, None, &[]).unwrap();

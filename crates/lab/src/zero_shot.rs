@@ -1,4 +1,5 @@
-//! What the hand cannot play of a piece, and the zero-shot scores of the sight-reader, from its plan.
+//! What the hand cannot play of a piece, and the zero-shot scores of the sight-reader, from its
+//! plan.
 
 use etude_music::metrics::frame_scores;
 use etude_music::{KeySet, Song};
@@ -12,8 +13,8 @@ use crate::planner::Planner;
 /// runs in `runs/sight-reader__…`.
 pub const SIGHT_READER: &str = "sight-reader";
 
-/// Time around each onset in which the keys are not those that are due, s. Measured with the shipped
-/// sight-reader on validation melodies by `scripts/sight_prediction.py`.
+/// Time around each onset in which the keys are not those that are due, s. Measured with the
+/// shipped sight-reader on validation melodies by `scripts/sight_prediction.py`.
 const LOST_AT_AN_ONSET_SECS: f64 = 0.004;
 
 /// What the sight-reader is predicted to score on a piece.
@@ -68,9 +69,9 @@ pub struct Arrangement {
 /// duration. The nearest to the song is first.
 const ARRANGEMENTS: [(bool, f64); 5] = [(false, 1.5), (false, 2.0), (true, 1.0), (true, 1.5), (true, 2.0)];
 
-/// A slower arrangement of `song`, or its upper voice alone, if the hand leaves out notes of `piece`,
-/// as `task` plans the song: the first of which it plays all notes, or else that of which it leaves
-/// out the smallest share, if that is less than of the song.
+/// A slower arrangement of `song`, or its upper voice alone, if the hand leaves out notes of
+/// `piece`, as `task` plans the song: the first of which it plays all notes, or else that of which
+/// it leaves out the smallest share, if that is less than of the song.
 pub fn easier(
     song: &Song,
     task: &TaskConfig,
@@ -100,8 +101,8 @@ pub fn easier(
 }
 
 /// What the hand cannot play of `song` in `task`, a line each: with a fingering, how many notes its
-/// plan leaves out and why; without one, the moments that the fingers cannot reach. A song beyond the
-/// keyboard has no plan, and no line.
+/// plan leaves out and why; without one, the moments that the fingers cannot reach. A song beyond
+/// the keyboard has no plan, and no line.
 ///
 /// # Errors
 /// If the task is not sound.

@@ -5,7 +5,7 @@
 use std::sync::atomic::AtomicBool;
 
 use etude_identify::{Commands, Motion};
-use etude_lab::{Motion as Recorded, record_robot};
+use etude_lab::{RobotMotion, record_robot};
 use etude_perform::Excitation;
 use etude_perform::session::RigChoice;
 use etude_stage::{PhysicalParams, StageConfig, World};
@@ -18,7 +18,7 @@ fn a_hand_in_the_air_has_no_contact() {
         for excitation in [Excitation::OpenClose, Excitation::Chirp, Excitation::Rail, Excitation::HeldOut] {
             let rig = RigChoice::Twin(Box::new(TwinParams::load(twin_params).unwrap()));
             let path = folder.path().join("air.mcap");
-            record_robot(&rig, Recorded::Excitation(excitation), true, 0, &path, &AtomicBool::new(false))
+            record_robot(&rig, RobotMotion::Excitation(excitation), true, 0, &path, &AtomicBool::new(false))
                 .unwrap();
             let motion = Motion::load(&path).unwrap();
             assert!(motion.is_in_the_air(), "{twin_params}, {}", excitation.name());

@@ -62,7 +62,8 @@ proptest! {
         prop_assert!(!whole || report.runs[0].clamped > 0, "nothing tested the limiter");
 
         let recording = Recording::read(&folder.path().join("latest").join(run_file(0, "mcap"))).unwrap();
-        // While it plays: what comes before is recorded at time 0, and once stopped it holds the measured place.
+        // While it plays: what comes before is recorded at time 0, and once stopped it holds the
+        // measured place.
         let followed = report.runs[0].steps[0].saturating_sub(1) as f64 / CONTROL_HZ;
         let sent: Vec<&[f64]> = recording
             .setpoints

@@ -9,14 +9,14 @@ use std::sync::atomic::AtomicBool;
 use etude_identify::{
     IdentifyConfig, LmConfig, Measured, MethodConfig, Motion, MotionError, describe_keyboard, identify,
 };
-use etude_lab::{Motion as Recorded, record_robot};
+use etude_lab::{RobotMotion, record_robot};
 use etude_perform::session::RigChoice;
 use etude_perform::{Excitation, Job};
 use etude_twin::TwinParams;
 
 fn recorded(twin_params: TwinParams, folder: &Path) -> Result<Motion, MotionError> {
     let rig = RigChoice::Twin(Box::new(twin_params));
-    let (path, motion) = (folder.join("keys.mcap"), Recorded::Excitation(Excitation::Keys));
+    let (path, motion) = (folder.join("keys.mcap"), RobotMotion::Excitation(Excitation::Keys));
     record_robot(&rig, motion, true, 0, &path, &AtomicBool::new(false)).unwrap();
     Motion::load(&path)
 }
@@ -71,8 +71,8 @@ fn a_known_keyboard_is_found() {
     }
 }
 
-/// Keys that are no two alike, play, dead bands and late messages. Places count from the bottom, since a simulated key's travel is
-/// the nominal one.
+/// Keys that are no two alike, play, dead bands and late messages. Places count from the bottom,
+/// since a simulated key's travel is the nominal one.
 #[test]
 fn the_keyboards_of_the_parameter_sets_are_found() {
     for (twin_params, threshold, travel) in [("standard", 0.45 * 1.05, 1.05), ("worn", 0.55 * 0.93, 0.93)] {

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use etude_lab::{
-    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotStep, find_song, name_the_lead, play_on_robot,
+    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotStep, find_song, play_on_robot,
+    set_latency_compensation,
 };
 use etude_music::KeyScheduleRule;
 use etude_music::sound::SoundFont;
@@ -113,7 +114,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         runs: args.runs.into(),
         home,
         seed: args.seed,
-        measures_lag: home && learned.is_none() && !name_the_lead(&args.pianist.overrides),
+        measures_lag: home && learned.is_none() && !set_latency_compensation(&args.pianist.overrides),
         correction: learned.map(|learned| learned.correction),
         font: font.as_ref(),
     };

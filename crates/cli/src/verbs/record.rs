@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::ValueHint;
-use etude_lab::{Motion, record_robot};
+use etude_lab::{RobotMotion, record_robot};
 use etude_perform::Excitation;
 use etude_perform::session::rig_choice;
 
@@ -55,11 +55,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let rig = rig_choice(&args.robot, &args.twin_params)?;
     let stop = stop_flag()?;
     let motion = match (args.excitation, args.secs) {
-        (Some(excitation), _) => Motion::Excitation(excitation),
+        (Some(excitation), _) => RobotMotion::Excitation(excitation),
         (None, None) if rig.is_twin() => {
             anyhow::bail!("a twin in lockstep does not run by the wall clock: give the duration with --secs")
         }
-        (None, secs) => Motion::Rest(secs.map(Duration::from_secs_f64)),
+        (None, secs) => RobotMotion::Rest(secs.map(Duration::from_secs_f64)),
     };
     let home = args.home || rig.is_twin();
     // A device or a pipe has no content to lose.
@@ -70,7 +70,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let ending = match recorded.ending {
         etude_perform::Ending::Complete => Ok(Ending::Done),
         // Without --secs, Ctrl-C is the normal end of a recording.
-        etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
+        etude_perform::Ending::Interrupted if matches!(motion, RobotMotion::Rest(None)) => Ok(Ending::Done),
         etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
         etude_perform::Ending::Fault(fault) => Err(anyhow::anyhow!(
             "safety stop: {fault}; remove the cause, then record again, under another name"

@@ -64,30 +64,20 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut planner = planner(args.json);
     let (folder, mut run) = match (&args.resume, &args.song) {
         (Some(folder), _) => (folder.clone(), Run::resume(folder, &args.config.overrides, &mut planner)?),
-        (None, Some(name)) => {
-            let song = find_song(name)?;
+        (None, name) => {
+            let song = name.as_deref().map(find_song).transpose()?;
             let source = args.from.as_deref().map(policy_called).transpose()?;
-            let config = args.config.resolve()?;
-            let config = match &source {
-                Some(source) => beginning_with(config, source),
-                None => config,
-            };
-            let folder = args.out.clone().unwrap_or_else(|| {
-                PathBuf::from(format!("runs/{}__{}__{}", slug(name), args.config.preset, config.trainer.seed))
+            let mut config = args.config.resolve()?;
+            if let Some(source) = source.as_deref().filter(|_| song.is_some()) {
+                config = beginning_with(config, source);
+            }
+            let seed = config.trainer.seed;
+            let folder = args.out.clone().unwrap_or_else(|| match name {
+                Some(name) => PathBuf::from(format!("runs/{}__{}__{seed}", slug(name), args.config.preset)),
+                None => PathBuf::from(format!("runs/{SIGHT_READER}__{seed}")),
             });
             let command = shell_line(std::env::args());
             let run = Run::start(song, config, &folder, &command, source.as_deref(), &mut planner)?;
-            (folder, run)
-        }
-        (None, None) => {
-            let source = args.from.as_deref().map(policy_called).transpose()?;
-            let config = args.config.resolve()?;
-            let folder = args
-                .out
-                .clone()
-                .unwrap_or_else(|| PathBuf::from(format!("runs/{SIGHT_READER}__{}", config.trainer.seed)));
-            let command = shell_line(std::env::args());
-            let run = Run::start_corpus(config, &folder, &command, source.as_deref())?;
             (folder, run)
         }
     };

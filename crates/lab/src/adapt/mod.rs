@@ -1,6 +1,7 @@
-//! Learning from the robot itself: a song is played again and again in joint mirroring or in hybrid execution. What the joints missed
-//! in one run corrects their set-points in the next, and keys that sounded too short, or not, or beside the right one, change where the
-//! fingers aim. No simulator is fitted and no policy is trained.
+//! Learning from the robot itself: a song is played again and again in joint mirroring or in hybrid
+//! execution. What the joints missed in one run corrects their set-points in the next, and keys
+//! that sounded too short, or not, or beside the right one, move the targets of the fingers. No
+//! simulator is fitted and no policy is trained.
 //!
 //! ```text
 //! DIR/adaptation.json    the configuration
@@ -11,7 +12,8 @@
 //! DIR/result.json        the scores; written last
 //! ```
 //!
-//! A complete part is not made again, so the same command resumes an adaptation that was stopped at any point.
+//! A complete part is not made again, so the same command resumes an adaptation that was stopped at
+//! any point.
 
 mod played;
 
@@ -25,8 +27,9 @@ use etude_perform::{Job, Mode, NoteCounts};
 use etude_stage::RAIL;
 use serde::{Deserialize, Serialize};
 
-use crate::correction::{CorrectionFile, OnlyFor, load, save};
+use crate::correction::{CorrectionFile, OnlyFor};
 use crate::folder::make_folder;
+use crate::json_files::{load, save};
 use crate::pianist::{Pianist, load_pianist};
 use crate::planner::Planner;
 use crate::play::REFERENCE;
@@ -40,11 +43,12 @@ use played::{MEASURING, Notes, Played};
 /// Name of the file with the result of an adaptation.
 const RESULT: &str = "result.json";
 /// Name of the file with its configuration.
-const OPENED: &str = "adaptation.json";
-/// Version of the files, and of what is learned from a run. An adaptation is not continued by another one.
+const CONFIG: &str = "adaptation.json";
+/// Version of the files, and of what is learned from a run. An adaptation is not continued by
+/// another one.
 const VERSION: u32 = 4;
 /// An adaptation ends earlier if this many runs in a row were not better than the best before.
-const PATIENCE: usize = 8;
+const MAX_RUNS_WITHOUT_GAIN: usize = 8;
 
 /// What to adapt, and for how long.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,8 +57,8 @@ pub struct AdaptConfig {
     pub policy: PathBuf,
     /// Joint mirroring or hybrid: the robot follows simulated joints.
     pub mode: Mode,
-    /// How long is played to learn, min, but at least three runs. Homing and the performances at the end are not counted. More may be
-    /// given later.
+    /// How long is played to learn, min, but at least three runs. Homing and the performances at
+    /// the end are not counted. More may be given later.
     pub minutes: f64,
     /// Performances at the end.
     pub runs: usize,
@@ -62,9 +66,9 @@ pub struct AdaptConfig {
     pub seed: u64,
 }
 
-/// What a folder holds.
+/// The content of that file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Opened {
+struct ConfigFile {
     version: u32,
     config: AdaptConfig,
     only_for: OnlyFor,
@@ -80,7 +84,8 @@ pub struct AdaptRun {
     pub f1: f64,
     /// How late the notes were, s.
     pub lag_secs: Option<f64>,
-    /// What the finger joints missed of their path, moved by the aims, root mean square, rad.
+    /// What the finger joints missed of their path, moved by the key corrections, root mean square,
+    /// rad.
     pub fingers_missed_rad: f64,
     /// What the rail missed of its path, m.
     pub rail_missed_m: f64,
@@ -90,7 +95,7 @@ pub struct AdaptRun {
 
 /// A run as it is stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Stored {
+struct StoredRun {
     #[serde(flatten)]
     run: AdaptRun,
     next: Played,
@@ -112,7 +117,7 @@ pub struct Adapted {
     pub robot_f1_std: f64,
     /// How late their notes were, s.
     pub lag_secs: Option<f64>,
-    /// The lead of the plan, s.
+    /// The latency compensation, s.
     pub latency_compensation_secs: f64,
     /// The mode.
     pub mode: Mode,
@@ -146,7 +151,8 @@ pub enum AdaptStep {
 /// Adapts the playing of `song` to a robot, in `folder`, or resumes there.
 ///
 /// # Errors
-/// If any part fails; what is complete is kept. [`Interrupted`](crate::Interrupted) if the job is interrupted.
+/// If any part fails; what is complete is kept. [`Interrupted`](crate::Interrupted) if the job is
+/// interrupted.
 pub fn adapt_on_robot(
     song: &Song,
     rig: &RigChoice,
@@ -171,7 +177,7 @@ pub fn adapt_on_robot(
 /// # Errors
 /// If its files cannot be read.
 pub fn adapted_before(folder: &Path, policy: &Path) -> anyhow::Result<Option<Adapted>> {
-    let opened = load::<Opened>(&folder.join(OPENED))?;
+    let opened = load::<ConfigFile>(&folder.join(CONFIG))?;
     if opened.is_none_or(|opened| opened.version != VERSION || opened.config.policy != policy) {
         return Ok(None);
     }
@@ -190,9 +196,10 @@ struct Adaptation<'a> {
 impl Adaptation<'_> {
     /// Makes the folder, or checks that it holds the same adaptation.
     fn open(&self) -> anyhow::Result<()> {
-        let file = self.folder.join(OPENED);
-        let now = Opened { version: VERSION, config: self.config.clone(), only_for: self.only_for.clone() };
-        if let Some(before) = load::<Opened>(&file)? {
+        let file = self.folder.join(CONFIG);
+        let now =
+            ConfigFile { version: VERSION, config: self.config.clone(), only_for: self.only_for.clone() };
+        if let Some(before) = load::<ConfigFile>(&file)? {
             if before.version != VERSION {
                 bail!(
                     "{} was made by another version of Étude: remove it, and learning begins from the start",
@@ -202,7 +209,7 @@ impl Adaptation<'_> {
             // The minutes may change, and then the result is another.
             let has_other_minutes = before.config.minutes != self.config.minutes;
             let config = AdaptConfig { minutes: self.config.minutes, ..before.config.clone() };
-            if (Opened { config, ..before }) != now {
+            if (ConfigFile { config, ..before }) != now {
                 bail!(
                     "{} holds the adaptation of another policy, song, robot or mode, or another number of runs or seed: remove \
                      it, and learning begins from the start",
@@ -227,10 +234,10 @@ impl Adaptation<'_> {
         let most = (60.0 * self.config.minutes / self.song.duration_secs()).floor() as usize;
         let most = most.max(MEASURING + 1);
         let (mut runs, mut next) = (Vec::new(), Played::default());
-        while runs.len() < most && best(&runs) + PATIENCE >= runs.len() {
+        while runs.len() < most && best(&runs) + MAX_RUNS_WITHOUT_GAIN >= runs.len() {
             let index = runs.len();
             let folder = self.folder.join(format!("run-{:02}", index + 1));
-            let stored = match load::<Stored>(&folder.join("adapted.json"))? {
+            let stored = match load::<StoredRun>(&folder.join("adapted.json"))? {
                 Some(stored) => stored,
                 None => self.learn_once(index, &next, &folder, planner, job)?,
             };
@@ -253,9 +260,8 @@ impl Adaptation<'_> {
         folder: &Path,
         planner: &mut Planner<'_>,
         job: &mut Job<'_, AdaptStep>,
-    ) -> anyhow::Result<Stored> {
-        let told = |_: &RobotStep| None;
-        let report = self.play(played, (1, 1000 + index as u64), folder, told, planner, job)?;
+    ) -> anyhow::Result<StoredRun> {
+        let report = self.play(played, (1, 1000 + index as u64), folder, |_| None, planner, job)?;
         // There are many runs. `etude replay` makes the sound again from a recording.
         for sound in [run_file(0, "wav"), REFERENCE.to_string()] {
             // If it cannot be removed, it only takes up space.
@@ -265,11 +271,11 @@ impl Adaptation<'_> {
         let notes = Notes {
             strokes: &run.strokes,
             latency_compensation_secs: report.latency_compensation_secs,
-            on_time_secs: report.lead_on_time(),
+            on_time_secs: report.on_time_compensation_secs(),
         };
         let next = played.after(index, &run.tracking, &notes, self.pianist.config.task.stage.side);
         let late_secs = played.delays.or(next.delays).map_or(0.0, |delays| delays.late_secs);
-        let tracking = run.tracking.clone().asked_for(&played.aimed);
+        let tracking = run.tracking.clone().asked_for(&played.key_offsets);
         let squares: f64 = (0..RAIL).map(|joint| tracking.error(joint, late_secs).powi(2)).sum();
         let run = AdaptRun {
             notes: report.notes,
@@ -279,7 +285,7 @@ impl Adaptation<'_> {
             rail_missed_m: tracking.error(RAIL, late_secs),
             clamped: run.clamped,
         };
-        let stored = Stored { run, next };
+        let stored = StoredRun { run, next };
         save(&folder.join("adapted.json"), &stored)?;
         Ok(stored)
     }
@@ -318,7 +324,7 @@ impl Adaptation<'_> {
         Ok(done)
     }
 
-    /// The lead of the plan of a run, s.
+    /// The latency compensation of a run, s.
     fn latency_compensation_secs(&self, played: &Played) -> f64 {
         played.latency_compensation_secs.unwrap_or(self.pianist.config.task.plan.latency_compensation_secs)
     }
@@ -344,7 +350,7 @@ impl Adaptation<'_> {
         played: &Played,
         (runs, seed): (usize, u64),
         folder: &Path,
-        told: fn(&RobotStep) -> Option<AdaptStep>,
+        to_step: fn(&RobotStep) -> Option<AdaptStep>,
         planner: &mut Planner<'_>,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<RobotReport> {
@@ -363,18 +369,19 @@ impl Adaptation<'_> {
             font: None,
         };
         let interrupt = job.interrupt();
-        let mut tell = |step: &RobotStep| {
-            if let Some(step) = told(step) {
+        let mut on_progress = |step: &RobotStep| {
+            if let Some(step) = to_step(step) {
                 job.report(&step);
             }
         };
-        let mut playing = Job::new(&mut tell, interrupt);
+        let mut playing = Job::new(&mut on_progress, interrupt);
         let report = play_on_robot(&play, Some(folder), planner, &mut playing);
         all_complete(report, job.is_interrupted(), "adapting")
     }
 }
 
-/// The best run, the earlier one of equals. The score of one run is noisy, so a run is rated by the mean of its score and those beside it.
+/// The best run, the earlier one of equals. The score of one run is noisy, so a run is rated by the
+/// mean of its score and those beside it.
 fn best(runs: &[(Played, AdaptRun)]) -> usize {
     let scores: Vec<f64> = runs.iter().map(|(_, run)| robot_score(run.f1, &run.notes)).collect();
     let rated: Vec<f64> = (0..scores.len())

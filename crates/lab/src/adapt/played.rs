@@ -4,39 +4,42 @@ use etude_perform::{Correction, Delays, KeyCorrections, PlayedNotes, Tracking};
 use etude_stage::Side;
 use serde::{Deserialize, Serialize};
 
-/// The two runs before anything is corrected: the first measures how late the notes are, the second how late the joints.
+/// The two runs before anything is corrected: the first measures how late the notes are, the second
+/// how late the joints.
 pub(super) const MEASURING: usize = 2;
 
-/// In so many runs the joints come to their path before the fingers aim: a note may be missing for either reason.
-const JOINTS_ALONE: usize = 6;
+/// In so many runs the joints come to their path before keys are corrected: a note may be missing
+/// for either reason.
+const JOINT_RUNS: usize = 6;
 
 /// What a run plays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Played {
-    /// The lead of the plan, s; that of the policy's training if none. It changes when the notes are due, and not the motion.
+    /// The latency compensation, s; that of the policy's training if none. It changes when the
+    /// notes are due, and not the motion.
     pub latency_compensation_secs: Option<f64>,
     /// How late the joints should be and are, once it is measured.
     pub delays: Option<Delays>,
     /// The correction that brings the joints to their path.
     correction: Correction,
-    /// Where the fingers aim, and what that adds to the path.
-    aims: KeyCorrections,
-    pub aimed: Correction,
+    /// How far the fingers' targets are moved for each key, and what that adds to the path.
+    key_corrections: KeyCorrections,
+    pub key_offsets: Correction,
 }
 
 /// The notes of a run.
 pub(super) struct Notes<'a> {
     pub strokes: &'a PlayedNotes,
-    /// The lead of the plan that was played, s.
+    /// The latency compensation that was played with, s.
     pub latency_compensation_secs: f64,
-    /// The lead with which the notes would have been on time, s, if it is known.
+    /// The one with which the notes would have been on time, s, if it is known.
     pub on_time_secs: Option<f64>,
 }
 
 impl Played {
     /// What is added to the set-points.
     pub fn added(&self) -> Correction {
-        self.correction.plus(&self.aimed)
+        self.correction.plus(&self.key_offsets)
     }
 
     /// What the next run plays, after run `index` has played this.
@@ -46,13 +49,13 @@ impl Played {
             return Self { latency_compensation_secs, ..self.clone() };
         }
         let delays = self.delays.unwrap_or_else(|| tracking.delays());
-        let correction = self.correction.after(&tracking.clone().asked_for(&self.aimed), &delays);
-        let aims = match index + 1 {
-            runs if runs < MEASURING + JOINTS_ALONE => KeyCorrections::default(),
-            _ => self.aims.after(notes.strokes, notes.latency_compensation_secs),
+        let correction = self.correction.after(&tracking.clone().asked_for(&self.key_offsets), &delays);
+        let key_corrections = match index + 1 {
+            runs if runs < MEASURING + JOINT_RUNS => KeyCorrections::default(),
+            _ => self.key_corrections.after(notes.strokes, notes.latency_compensation_secs),
         };
-        let aimed = aims.offsets(&tracking.asked, &notes.strokes.planned, side);
-        Self { latency_compensation_secs, delays: Some(delays), correction, aims, aimed }
+        let key_offsets = key_corrections.offsets(&tracking.asked, &notes.strokes.planned, side);
+        Self { latency_compensation_secs, delays: Some(delays), correction, key_corrections, key_offsets }
     }
 }
 
@@ -84,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_run_measures_the_lead_the_second_the_joints_and_later_ones_move_the_aims() {
+    fn the_first_run_measures_the_latency_the_second_the_joints_and_later_ones_correct_keys() {
         let asked = path();
         let late = |secs: f64| {
             let ticks = (secs * 200.0) as usize;
@@ -97,7 +100,7 @@ mod tests {
             start_secs,
             end_secs,
         };
-        // It sounds 0.1 s later than planned, which is the lead, and 40 ms shorter.
+        // It sounds 0.1 s later than planned, which is the latency compensation, and 40 ms shorter.
         let strokes =
             PlayedNotes { planned: vec![note(0.3, 0.5)], played: vec![note(0.42, 0.58)], end_secs: 1.5 };
         let after = |played: &Played, index, tracking: &Tracking| {
@@ -108,19 +111,20 @@ mod tests {
         assert_eq!(second, Played { latency_compensation_secs: Some(0.12), ..Played::default() });
         let third = after(&second, 1, &late(0.06));
         assert_eq!(third.delays.unwrap().late_secs, 0.06);
-        assert!(third.aims == KeyCorrections::default() && third.aimed.is_still());
+        assert!(third.key_corrections == KeyCorrections::default() && third.key_offsets.is_still());
         assert!(third.correction.is_still(), "the joints are on their path, later by their lag");
-        assert!(after(&third, 6, &late(0.06)).aimed.is_still());
-        let aimed = after(&third, 7, &late(0.06));
-        assert!(!aimed.aimed.is_still());
-        assert!(aimed.correction.is_still());
-        // The path moves with the aims: joints that follow it are right, and those that do not are corrected.
+        assert!(after(&third, 6, &late(0.06)).key_offsets.is_still());
+        let key_offsets = after(&third, 7, &late(0.06));
+        assert!(!key_offsets.key_offsets.is_still());
+        assert!(key_offsets.correction.is_still());
+        // The path moves with the key corrections: joints that follow it are right, and those that
+        // do not are corrected.
         let moved = |played: &Played| {
             let sent = late(0.0).asked_for(&played.added()).asked;
             let measured = (0..asked.len()).map(|tick| sent[tick.saturating_sub(12)]).collect();
             Tracking { asked: asked.clone(), measured }
         };
-        assert!(after(&aimed, 8, &moved(&aimed)).correction.is_still());
-        assert!(!after(&aimed, 8, &late(0.06)).correction.is_still());
+        assert!(after(&key_offsets, 8, &moved(&key_offsets)).correction.is_still());
+        assert!(!after(&key_offsets, 8, &late(0.06)).correction.is_still());
     }
 }

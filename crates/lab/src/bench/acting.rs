@@ -6,8 +6,8 @@ use etude_learn::Policy;
 use etude_music::{KeySet, Song};
 use etude_task::{ACTION_LEN, Piece, RigState, Stepper, TargetRange, TaskConfig, TaskError, layout};
 
-/// Mean time in which `policy` sees and acts in a control step of `song`, on one core, s: from joint readings and keys to the joint
-/// targets. Measured for about `secs`.
+/// Mean time in which `policy` sees and acts in a control step of `song`, on one core, s: from
+/// joint readings and keys to the joint targets. Measured for about `secs`.
 ///
 /// # Errors
 /// If the task is not sound.

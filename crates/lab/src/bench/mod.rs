@@ -1,4 +1,5 @@
-//! Speed of environments, learner and whole trainings on this machine. `benches/run.py` compares it with other programs.
+//! Speed of environments, learner and whole trainings on this machine. `benches/run.py` compares it
+//! with other programs.
 
 mod acting;
 mod rate;
@@ -31,13 +32,13 @@ pub struct BenchReport {
     /// Time that the environment takes beside its `mj_step` calls, as a share of theirs.
     pub overhead: f64,
     /// The table.
-    pub rows: Vec<Row>,
+    pub rows: Vec<Measurement>,
     cores: usize,
 }
 
 /// A measurement.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct Measurement {
     /// What was measured.
     pub what: String,
     /// Its name in JSON, unit included.
@@ -62,11 +63,11 @@ impl BenchReport {
     }
 
     fn row(&mut self, what: impl Into<String>, key: &str, unit: &'static str, value: impl Into<Option<f64>>) {
-        self.rows.push(Row { what: what.into(), key: key.to_string(), unit, value: value.into() });
+        self.rows.push(Measurement { what: what.into(), key: key.to_string(), unit, value: value.into() });
     }
 
-    /// The row of a figure in f32 and the row of the same work in bfloat16. A processor without such arithmetic computes in f32,
-    /// and the second row says so.
+    /// The row of a figure in f32 and the row of the same work in bfloat16. A processor without
+    /// such arithmetic computes in f32, and the second row says so.
     fn two_rows(
         &mut self,
         what: &str,
@@ -148,7 +149,8 @@ fn counted(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
-/// Seconds from the start of a process to its end after the first step of a training, files included.
+/// Seconds from the start of a process to its end after the first step of a training, files
+/// included.
 fn start_up_secs(program: &Path) -> anyhow::Result<f64> {
     let scratch = scratch()?;
     let start = Instant::now();

@@ -10,13 +10,14 @@ use crate::config::resolve;
 use crate::planner::Planner;
 use crate::run::Run;
 
-/// Steps with random actions before the first update. The `paper` preset makes 5,000, which would fill a short measurement. Fewer are
-/// enough, since a batch is drawn with replacement.
+/// Steps with random actions before the first update. The `paper` preset makes 5,000, which would
+/// fill a short measurement. Fewer are enough, since a batch is drawn with replacement.
 const WARMUP_STEPS: u64 = 256;
 
-/// Environment steps a second of a training of `song` with the `paper` preset, which makes as many updates, in the new folder
-/// `folder`. Measures for about `secs` once the warm-up is over: environment, acting, updates and replay together, without
-/// evaluations. `threads` as in `trainer.threads`: 0 for one a core.
+/// Environment steps a second of a training of `song` with the `paper` preset, which makes as many
+/// updates, in the new folder `folder`. Measures for about `secs` once the warm-up is over:
+/// environment, acting, updates and replay together, without evaluations. `threads` as in
+/// `trainer.threads`: 0 for one a core.
 ///
 /// # Errors
 /// As [`Run::start`] and [`Run::run`].
@@ -33,34 +34,34 @@ pub fn training_rate(
     config.trainer.total_steps = u64::MAX;
     config.trainer.evaluate_every_steps = 0;
     config.trainer.threads = threads;
-    // The first rounds with updates count as warm-up too. A round is one step.
-    let warmup_rounds = WARMUP_STEPS + 2;
+    // The first steps with updates count as warm-up too.
+    let warmup_steps = WARMUP_STEPS + 2;
     let limit = Duration::from_secs_f64(secs);
-    let mut watch = Watch { warmup_rounds, limit, rounds: 0, began: Instant::now(), took: Duration::ZERO };
-    Run::start(song, config, folder, "etude bench", None, &mut Planner::default())?.run(&mut watch)?;
-    Ok((watch.rounds - warmup_rounds) as f64 / watch.took.as_secs_f64())
+    let mut timer = StepTimer { warmup_steps, limit, steps: 0, began: Instant::now(), took: Duration::ZERO };
+    Run::start(Some(song), config, folder, "etude bench", None, &mut Planner::default())?.run(&mut timer)?;
+    Ok((timer.steps - warmup_steps) as f64 / timer.took.as_secs_f64())
 }
 
-/// Counts rounds, and stops the training when the time after the warm-up is over.
-struct Watch {
-    warmup_rounds: u64,
+/// Counts vector steps, and stops the training when the time after the warm-up is over.
+struct StepTimer {
+    warmup_steps: u64,
     limit: Duration,
-    rounds: u64,
+    steps: u64,
     began: Instant,
     took: Duration,
 }
 
-impl TrainingObserver for Watch {
+impl TrainingObserver for StepTimer {
     fn should_stop(&mut self) -> Option<StopReason> {
-        // Asked before each round, the first included.
-        if self.rounds <= self.warmup_rounds {
+        // Asked before each vector step, the first included.
+        if self.steps <= self.warmup_steps {
             self.began = Instant::now();
         }
         self.took = self.began.elapsed();
-        if self.rounds > self.warmup_rounds && self.took >= self.limit {
+        if self.steps > self.warmup_steps && self.took >= self.limit {
             return Some(StopReason::OutOfTime);
         }
-        self.rounds += 1;
+        self.steps += 1;
         None
     }
 }

@@ -3,13 +3,10 @@
 use anyhow::anyhow;
 use etude_music::did_you_mean;
 
-use super::RunConfig;
-
-/// The setting that a mistyped path may mean: one that ends with its name, whatever table it is in, or one that is written
-/// much like it.
-pub(super) fn meant(path: &str) -> String {
-    let Ok(all) = toml::Table::try_from(RunConfig::default()) else { return String::new() };
-    let all = paths(&all, "");
+/// The one of these `settings` that a mistyped path may mean: one that ends with its name, whatever
+/// table it is in, or one that is written much like it.
+pub(super) fn meant(path: &str, settings: &toml::Table) -> String {
+    let all = paths(settings, "");
     let name = path.rsplit('.').next().unwrap_or(path);
     let elsewhere: Vec<&str> =
         all.iter().map(String::as_str).filter(|other| other.rsplit('.').next() == Some(name)).collect();
@@ -53,8 +50,9 @@ pub fn toml_error(text: &str, error: &toml::de::Error) -> String {
 /// Tables whose keys are paths of physical parameters.
 const BY_PATH: &[&str] = &["task.physics", "task.randomisation.widths"];
 
-/// The table with `value` at a dotted `path`. A value that is not TOML is taken as a string, so that
-/// `task.stage.side=right` needs no quotes. Physical parameters keep the rest of their path as one key.
+/// The table with `value` at a dotted `path`. A value that is not TOML is taken as a string, so
+/// that `task.stage.side=right` needs no quotes. Physical parameters keep the rest of their path as
+/// one key.
 pub(super) fn override_table(path: &str, value: &str) -> toml::Table {
     let parsed = format!("v = {value}").parse::<toml::Table>().ok().and_then(|mut t| t.remove("v"));
     let mut value = parsed.unwrap_or_else(|| toml::Value::String(value.to_string()));

@@ -45,8 +45,9 @@ pub fn presets() -> Vec<&'static str> {
     PRESETS.iter().map(|(name, _)| *name).collect()
 }
 
-/// Settings that may change when a run is resumed: none of them affects the steps that are already made.
-const FREE: &[&str] = &[
+/// Settings that may change when a run is resumed: none of them affects the steps that are already
+/// made.
+const CHANGEABLE: &[&str] = &[
     "trainer.total_steps",
     "trainer.log_every_steps",
     "trainer.evaluate_every_steps",
@@ -79,10 +80,12 @@ impl RunConfig {
     }
 }
 
-/// Merges the layers: `preset`, then the TOML `file`, then `overrides` of the form `a.b=value`, the later ones winning.
+/// Merges the layers: `preset`, then the TOML `file`, then `overrides` of the form `a.b=value`, the
+/// later ones winning.
 ///
 /// # Errors
-/// If a layer cannot be read, or the result has an unknown key or a value of the wrong type; the message names the key.
+/// If a layer cannot be read, or the result has an unknown key or a value of the wrong type; the
+/// message names the key.
 pub fn resolve(preset: &str, file: Option<&Path>, overrides: &[String]) -> anyhow::Result<RunConfig> {
     let Some((_, text)) = PRESETS.iter().find(|(name, _)| *name == preset) else {
         bail!("there is no preset `{preset}`; there are: {}", presets().join(", "));
@@ -105,13 +108,13 @@ pub(crate) fn change(config: &RunConfig, overrides: &[String]) -> anyhow::Result
 }
 
 /// `config` with single values changed, of those that a run may change when it is continued.
-pub(crate) fn change_free(config: &RunConfig, overrides: &[String]) -> anyhow::Result<RunConfig> {
+pub(crate) fn change_resumable(config: &RunConfig, overrides: &[String]) -> anyhow::Result<RunConfig> {
     let key = |text: &String| text.split('=').next().unwrap_or_default().trim().to_string();
     let changed = change(config, overrides)?;
-    match overrides.iter().map(key).find(|key| !FREE.contains(&key.as_str())) {
+    match overrides.iter().map(key).find(|key| !CHANGEABLE.contains(&key.as_str())) {
         Some(key) => bail!(
             "`{key}` cannot be changed in a run that has begun, only {}; start a new run with it instead",
-            FREE.join(", ")
+            CHANGEABLE.join(", ")
         ),
         None => Ok(changed),
     }
@@ -126,7 +129,9 @@ fn finish(mut table: toml::Table, overrides: &[String]) -> anyhow::Result<RunCon
     }
     serde_path_to_error::deserialize(toml::Value::Table(table)).map_err(|error| {
         let (path, message) = (error.path().to_string(), error.inner().message());
-        let meant = if message.starts_with("unknown field") { meant(&path) } else { String::new() };
+        let settings = toml::Table::try_from(RunConfig::default()).unwrap_or_default();
+        let meant =
+            if message.starts_with("unknown field") { meant(&path, &settings) } else { String::new() };
         anyhow!("configuration key `{path}`{meant}: {message}")
     })
 }
@@ -161,9 +166,10 @@ mod tests {
         }
     }
 
-    /// All values of the learner in the preset `paper`, word for word: the paper's where it prints one, else those of the code that
-    /// it builds on (`kevinzakka/robopianist-rl`: `sac.py`, `run.sh`), and for the rest our choice, which does not affect the algorithm. A change of
-    /// a default must be deliberate.
+    /// All values of the learner in the preset `paper`, word for word: the paper's where it prints
+    /// one, else those of the code that it builds on (`kevinzakka/robopianist-rl`: `sac.py`,
+    /// `run.sh`), and for the rest our choice, which does not affect the algorithm. A change of a
+    /// default must be deliberate.
     #[test]
     fn the_preset_paper_is_the_published_algorithm() {
         let published: toml::Table = toml::from_str(
@@ -207,7 +213,8 @@ mod tests {
         let task = &config["task"];
         assert_eq!(task["lookahead"].as_integer(), Some(5), "paper");
         assert_eq!(task["previous_joints"].as_bool(), Some(true), "paper");
-        // RoboPianist's rule and on its time, keys with one contact, and the main text's five reward terms.
+        // RoboPianist's rule and on its time, keys with one contact, and the main text's five
+        // reward terms.
         let config = resolve("paper", None, &[]).unwrap().complete();
         let (task, plan) = (&config.task, &config.task.plan);
         assert_eq!(
@@ -298,7 +305,7 @@ mod tests {
         );
         assert!(check("droq.batch=0").unwrap_err().to_string().contains("droq.batch"));
         assert!(check("trainer.num_envs=100000000000").unwrap_err().to_string().contains("at most 4096"));
-        let change = |text: &str| change_free(&RunConfig::default(), &[text.to_string()]);
+        let change = |text: &str| change_resumable(&RunConfig::default(), &[text.to_string()]);
         assert_eq!(change("trainer.total_steps=7").unwrap().trainer.total_steps, 7);
         assert!(
             change("task.reward.collision=0").unwrap_err().to_string().contains("`task.reward.collision`")

@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 use crate::identify::IdentifyMethod;
 use crate::robot::{MeanNotes, robot_score};
 
-/// Whether these overrides, `path=value`, name the lead of the plan. Else it is measured on the robot.
-pub fn name_the_lead(overrides: &[String]) -> bool {
+/// Whether these overrides, `path=value`, set the latency compensation. Else it is measured on the
+/// robot.
+pub fn set_latency_compensation(overrides: &[String]) -> bool {
     overrides.iter().any(|set| set.trim_start().starts_with("task.plan.latency_compensation_secs"))
 }
 
@@ -28,14 +29,15 @@ pub struct RehearsalConfig {
     pub runs: usize,
     /// How they are played.
     pub mode: Mode,
-    /// Preset of the trainings. If it has a corpus they learn that, for all songs, and the song is what the robot plays.
+    /// Preset of the trainings. If it has a corpus they learn that, for all songs, and the song is
+    /// what the robot plays.
     pub preset: String,
     /// Overrides of its values, `path=value`.
     pub overrides: Vec<String>,
     /// The policy of iteration 0; without one it is learned first.
     pub policy: Option<PathBuf>,
-    /// A simulator whose drives are fitted to this robot already, as `etude identify` and rehearsals write it: only its keyboard is fitted
-    /// then, to what was played.
+    /// A simulator whose drives are fitted to this robot already, as `etude identify` and
+    /// rehearsals write it: only its keyboard is fitted then, to what was played.
     pub simulator: Option<PathBuf>,
     /// Method of identification.
     pub method: IdentifyMethod,
@@ -43,11 +45,12 @@ pub struct RehearsalConfig {
     pub evaluations: Option<u64>,
     /// Seed of identification and performances.
     pub seed: u64,
-    /// Threads of the trainings, instead of `trainer.threads`. They do not change the result, so a rehearsal may be resumed with another
-    /// number.
+    /// Threads of the trainings, instead of `trainer.threads`. They do not change the result, so a
+    /// rehearsal may be resumed with another number.
     #[serde(skip)]
     pub threads: Option<usize>,
-    /// Whether the replay buffers of the trainings are kept, so that a training can be resumed with more steps.
+    /// Whether the replay buffers of the trainings are kept, so that a training can be resumed with
+    /// more steps.
     #[serde(skip)]
     pub keep_replay: bool,
 }
@@ -60,7 +63,7 @@ pub struct Iteration {
     /// Notes on the robot.
     #[serde(flatten)]
     pub notes: MeanNotes,
-    /// The lead of the plan, s. Each iteration first plays once to measure how late its notes are, and leads by that.
+    /// The latency compensation, s. Each iteration first plays once to measure it.
     pub latency_compensation_secs: f64,
     /// How late the notes were on the robot, s.
     pub lag_secs: Option<f64>,
@@ -72,7 +75,8 @@ pub struct Iteration {
     pub robot_f1_std: f64,
     /// The share of `sim_f1` that is lost on the robot.
     pub gap: f64,
-    /// Errors of the simulator in the held-out excitation, finger joints, rad: before the fit and after.
+    /// Errors of the simulator in the held-out excitation, finger joints, rad: before the fit and
+    /// after.
     pub held_out_rad: Option<[f64; 2]>,
     /// The policy.
     pub policy: PathBuf,
@@ -83,14 +87,15 @@ pub struct Iteration {
 }
 
 impl Iteration {
-    /// By what iterations are compared: the mean of F1 and the onset F1 on the robot.
+    /// The score by which iterations are compared: the mean of F1 and onset F1 on the robot.
     pub(crate) fn score(&self) -> f64 {
         robot_score(self.robot_f1, &self.notes)
     }
 }
 
-/// The iteration that has played best on the robot, by the mean of F1 and onset F1; the earlier one of equals. The next iteration begins with its
-/// policy: a training that made the playing worse is not continued.
+/// The iteration that has played best on the robot, by the mean of F1 and onset F1; the earlier one
+/// of equals. The next iteration begins with its policy: a training that made the playing worse is
+/// not continued.
 pub fn best_iteration<'a>(iterations: impl IntoIterator<Item = &'a Iteration>) -> Option<&'a Iteration> {
     iterations
         .into_iter()

@@ -11,8 +11,8 @@
 //! DIR/iteration-N/iteration.json  the result of the iteration; written last
 //! ```
 //!
-//! A part gets its final name only when it is complete, and a complete part is not made again. So the same command resumes a
-//! rehearsal that was stopped at any point, also by kill -9.
+//! A part gets its final name only when it is complete, and a complete part is not made again. So
+//! the same command resumes a rehearsal that was stopped at any point, also by kill -9.
 
 mod iteration;
 
@@ -21,20 +21,25 @@ use std::path::{Path, PathBuf};
 use etude_identify::{Motion, MotionError, Progress};
 use etude_music::Song;
 use etude_perform::session::RigChoice;
-use etude_perform::{Excitation, Job, NoteCounts, write_file};
+use etude_perform::{Excitation, Job, NoteCounts};
 
 use crate::config::resolve;
 use crate::errors::{Interrupted, unusable};
 use crate::excitations::record_excitations;
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyReport, identify_robot};
+use crate::json_files::{load, save_pretty};
 use crate::pianist::load_pianist;
 use crate::planner::Planner;
 use crate::robot::{RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot};
-use crate::run::{Run, TrainingProgress};
+use crate::run::Run;
+use crate::training_progress::TrainingProgress;
 use crate::warm::beginning_with;
 
-pub use iteration::{Iteration, RehearsalConfig, best_iteration, name_the_lead};
+pub use iteration::{Iteration, RehearsalConfig, best_iteration, set_latency_compensation};
+
+/// Name of the result of an iteration in its folder.
+const RESULT: &str = "iteration.json";
 
 /// What a rehearsal reports.
 #[derive(Clone, Debug)]
@@ -58,7 +63,8 @@ pub enum RehearsalStep {
         iteration: usize,
         /// Its notes.
         notes: NoteCounts,
-        /// The lead of the plan against it, s; none if no note can be right with another one, and the lead stays.
+        /// The latency compensation from now on, s; none if no note would be right with another
+        /// one.
         latency_compensation_secs: Option<f64>,
     },
     /// A run was played.
@@ -91,7 +97,8 @@ pub fn rehearse_on_robot(
     rehearsal.open()?;
     let mut iterations: Vec<Iteration> = Vec::new();
     for iteration in 0..=config.iterations {
-        let done = match rehearsal.completed(iteration)? {
+        // It may be complete since an earlier call.
+        let done = match load(&rehearsal.iteration_folder(iteration).join(RESULT))? {
             Some(done) => done,
             None => rehearsal.iterate(iteration, &iterations, job)?,
         };
@@ -112,38 +119,19 @@ impl Rehearsal<'_> {
     /// Makes the folder, or checks that it holds the same rehearsal.
     fn open(&self) -> anyhow::Result<()> {
         let file = self.folder.join("rehearsal.json");
-        match std::fs::read_to_string(&file) {
-            Ok(text) => {
-                let stored: RehearsalConfig = serde_json::from_str(&text).map_err(|error| {
-                    unusable(self.folder, format_args!("rehearsal.json is damaged: {error}"))
-                })?;
-                // The number of iterations may change, and threads do not shape the result.
-                let RehearsalConfig { iterations, threads, keep_replay, .. } = *self.config;
-                if (RehearsalConfig { iterations, threads, keep_replay, ..stored }) != *self.config {
-                    return Err(unusable(self.folder, "it holds another rehearsal, with other settings"));
-                }
+        if let Some(stored) = load::<RehearsalConfig>(&file)? {
+            // The number of iterations may change, and threads do not shape the result.
+            let RehearsalConfig { iterations, threads, keep_replay, .. } = *self.config;
+            if (RehearsalConfig { iterations, threads, keep_replay, ..stored }) != *self.config {
+                return Err(unusable(self.folder, "it holds another rehearsal, with other settings"));
             }
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-            Err(error) => return Err(unusable(self.folder, error)),
         }
         make_folder(self.folder)?;
-        Ok(write_file(&file, &(serde_json::to_string_pretty(self.config)? + "\n"))?)
+        save_pretty(&file, self.config)
     }
 
     fn iteration_folder(&self, iteration: usize) -> PathBuf {
         self.folder.join(format!("iteration-{iteration}"))
-    }
-
-    /// An iteration that an earlier call has completed.
-    fn completed(&self, iteration: usize) -> anyhow::Result<Option<Iteration>> {
-        let path = self.iteration_folder(iteration).join("iteration.json");
-        let Ok(bytes) = std::fs::read(&path) else { return Ok(None) };
-        serde_json::from_slice(&bytes).map(Some).map_err(|error| {
-            unusable(
-                &path,
-                format_args!("it is damaged ({error}): remove it, and the iteration is played again"),
-            )
-        })
     }
 
     fn iterate(
@@ -182,9 +170,10 @@ impl Rehearsal<'_> {
             recordings: recordings.collect(),
             physics,
         };
-        write_file(&folder.join("iteration.json"), &(serde_json::to_string_pretty(&done)? + "\n"))?;
+        save_pretty(&folder.join(RESULT), &done)?;
         if !self.config.keep_replay {
-            // The next iteration begins with the networks. If it cannot be removed, it only takes up space.
+            // The next iteration begins with the networks. If it cannot be removed, it only takes
+            // up space.
             let _ = std::fs::remove_dir_all(folder.join("training/checkpoints/replay"));
         }
         Ok(done)
@@ -200,7 +189,8 @@ impl Rehearsal<'_> {
     ) -> anyhow::Result<IdentifyReport> {
         let mut performances = Vec::new();
         for path in &before.recordings {
-            // A recording may mislead the fit: a policy at the start of its training pushes against the joints' stops.
+            // A recording may mislead the fit: a policy at the start of its training pushes against
+            // the joints' stops.
             match Motion::load(path) {
                 Err(MotionError::Unsuitable { path, why }) => {
                     job.report(&RehearsalStep::LeftOut { recording: path, why });
@@ -209,8 +199,9 @@ impl Rehearsal<'_> {
                 Ok(_) => performances.push(path.clone()),
             }
         }
-        // The excitations are the same in each iteration. Once the drives are fitted to them, the keyboard is left: only its own excitation, the
-        // held-out one and the new performances are needed.
+        // The excitations are the same in each iteration. Once the drives are fitted to them, the
+        // keyboard is left: only its own excitation, the held-out one and the new performances are
+        // needed.
         let fitted_before = (iteration > 1 || self.config.simulator.is_some()) && !performances.is_empty();
         let wanted: &[Excitation] =
             if fitted_before { &[Excitation::Keys, Excitation::HeldOut] } else { &Excitation::ALL };
@@ -242,8 +233,8 @@ impl Rehearsal<'_> {
         )
     }
 
-    /// Trains in the simulator of `layer`, from what the best iteration so far has learned, for the steps of the preset; resumes a training
-    /// that was interrupted.
+    /// Trains in the simulator of `layer`, from what the best iteration so far has learned, for the
+    /// steps of the preset; resumes a training that was interrupted.
     fn train(
         &self,
         iteration: usize,
@@ -261,14 +252,15 @@ impl Rehearsal<'_> {
         let command = format!("etude rehearse, iteration {iteration}");
         let song = config.corpus.is_none().then(|| self.song.clone());
         let mut run = Run::start_or_resume(song, config, &folder, &command, source, &mut Planner::default())?;
-        let told = |at: &TrainingProgress| RehearsalStep::Training(iteration, *at);
-        if job.part(told, |job| run.run_job(job))?.stopped.is_some() {
+        let to_step = |at: &TrainingProgress| RehearsalStep::Training(iteration, *at);
+        if job.part(to_step, |job| run.run_job(job))?.stopped.is_some() {
             return Err(Interrupted::resumable().into());
         }
         Ok(folder)
     }
 
-    /// Plays the song on the robot: once to measure how late its notes are, unless the settings name a lead, and then the runs of the iteration.
+    /// Plays the song on the robot: once to measure how late its notes are, unless the settings
+    /// have the latency compensation, and then the runs of the iteration.
     fn play(
         &self,
         iteration: usize,
@@ -284,11 +276,11 @@ impl Rehearsal<'_> {
             runs: self.config.runs,
             home: true,
             seed: self.config.seed.wrapping_add(1000 * iteration as u64),
-            measures_lag: !name_the_lead(&self.config.overrides),
+            measures_lag: !set_latency_compensation(&self.config.overrides),
             correction: None,
             font: None,
         };
-        let told = |step: &RobotStep| match step {
+        let to_step = |step: &RobotStep| match step {
             RobotStep::LagMeasured { run, latency_compensation_secs } => {
                 let notes = NoteCounts::from(&run.scores.note);
                 RehearsalStep::LagMeasured {
@@ -302,7 +294,8 @@ impl Rehearsal<'_> {
                 RehearsalStep::Performed { iteration, run: *index, notes, f1: run.scores.frame.f1 }
             }
         };
-        let played = job.part(told, |job| play_on_robot(&play, Some(folder), &mut Planner::default(), job));
+        let played =
+            job.part(to_step, |job| play_on_robot(&play, Some(folder), &mut Planner::default(), job));
         all_complete(played, job.is_interrupted(), &format!("iteration {iteration}"))
     }
 }

@@ -18,9 +18,12 @@ use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
 
 use crate::errors::{Interrupted, released, unusable};
+use crate::json_files::save_pretty;
 use crate::pianist::Pianist;
 use crate::planner::Planner;
-use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
+use crate::play::{
+    Files, REFERENCE, REPORT, header, scores_in_simulation, write_performance, write_reference,
+};
 use crate::results::in_new_result;
 
 pub use report::{MeanNotes, RobotReport, RobotRun};
@@ -39,14 +42,17 @@ pub struct RobotPlay<'a> {
     pub mode: Mode,
     /// How many times.
     pub runs: usize,
-    /// Whether the robot first moves slowly to the keyboard, from any pose. Otherwise it must be there already.
+    /// Whether the robot first moves slowly to the keyboard, from any pose. Otherwise it must be
+    /// there already.
     pub home: bool,
     /// Added to the seed of the twin parameters; each run adds one more.
     pub seed: u64,
-    /// Whether one run before the others, with other noise of the twin, measures how late the robot's notes are. The plan of the others leads
-    /// by that, and it counts in no score.
+    /// Whether one run before the others, with other noise of the twin, measures how late the
+    /// robot's notes are. The latency compensation of the others is that, and it counts in no
+    /// score.
     pub measures_lag: bool,
-    /// A correction of the robot's motion that was learned on it, for a mode in which it follows simulated joints.
+    /// A correction of the robot's motion that was learned on it, for a mode in which it follows
+    /// simulated joints.
     pub correction: Option<Correction>,
     /// The sound of what is written; a built-in piano tone if there is none.
     pub font: Option<&'a SoundFont>,
@@ -59,7 +65,8 @@ pub enum RobotStep {
     LagMeasured {
         /// Its result.
         run: RobotRun,
-        /// The lead of the plan from now on, s; none if no note can be right with another one, and the lead stays.
+        /// The latency compensation from now on, s; none if no note would be right with another
+        /// one.
         latency_compensation_secs: Option<f64>,
     },
     /// A run has ended.
@@ -122,7 +129,7 @@ pub fn play_on_robot(
         }?;
         // A report written earlier would list the run that only measures the lag as a performance.
         if let Some(folder) = folder {
-            write_report(folder, &report)?;
+            save_pretty(&folder.join(REPORT), &report)?;
         }
         Ok(report)
     };
@@ -133,7 +140,8 @@ pub fn play_on_robot(
     }
 }
 
-/// Plays `piece` once to measure how late the notes are, and then the runs that count, with a plan that leads by that.
+/// Plays `piece` once to measure how late the notes are, and then the runs that count, with that
+/// latency compensation.
 fn play_on_time(
     play: &RobotPlay<'_>,
     piece: &Piece,
@@ -153,7 +161,7 @@ fn play_on_time(
             std::fs::remove_file(&file).map_err(|error| unusable(&file, error))?;
         }
     }
-    let latency_compensation_secs = measured.lead_on_time();
+    let latency_compensation_secs = measured.on_time_compensation_secs();
     job.report(&RobotStep::LagMeasured { run: run.clone(), latency_compensation_secs });
     let mut pianist = play.pianist.clone();
     pianist.config.task.plan.latency_compensation_secs =
@@ -173,7 +181,7 @@ fn play_runs(
     let RobotPlay { pianist, rig, font, .. } = *play;
     let task = &pianist.config.task;
     if let Some(folder) = folder {
-        keep_reference(&folder.join(REFERENCE), piece, font)?;
+        write_reference(&folder.join(REFERENCE), piece, font)?;
     }
     let sim_f1 = scores_in_simulation(pianist, piece, planner)?.frame.f1;
     let start = World::new(&task.stage, &task.params().map_err(TaskError::from)?)
@@ -217,7 +225,7 @@ fn play_runs(
             writer.finish()?;
         }
         if let Some(files) = &files {
-            keep(files, &performance, font)?;
+            write_performance(files, &performance, font)?;
         }
         let run = RobotRun::new(performance, files);
         job.report(&RobotStep::RunEnded { index, run: run.clone() });

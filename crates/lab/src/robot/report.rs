@@ -6,10 +6,11 @@ use etude_perform::stats::mean;
 use etude_perform::{Ending, Mode, Performance, PlayedNotes, Scores, TimingReport, Tracking};
 use serde::{Deserialize, Serialize};
 
-use crate::errors::{Interrupted, stopped_itself};
+use crate::errors::{Interrupted, safety_stop};
 use crate::play::Files;
 
-/// The results. Its keys are those of `etude perform --json`. A run that was interrupted is listed, and counts in no mean.
+/// The results. Its keys are those of `etude perform --json`. A run that was interrupted is listed,
+/// and counts in no mean.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotReport {
     /// Title of the song.
@@ -31,15 +32,17 @@ pub struct RobotReport {
     pub robot_f1_std: f64,
     /// The share of `sim_f1` that is lost on the robot.
     pub gap: f64,
-    /// The lead of the plan that was played, s (`task.plan.latency_compensation_secs`).
+    /// The latency compensation that was played with, s (`task.plan.latency_compensation_secs`).
     pub latency_compensation_secs: f64,
-    /// Mean over the runs of how late the whole performance was, s; absent if no run has a right key near its time.
+    /// Mean over the runs of how late the whole performance was, s; absent if no run has a right
+    /// key near its time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lag_secs: Option<f64>,
     /// Notes, as means over the runs.
     #[serde(flatten)]
     pub notes: MeanNotes,
-    /// Whether the only run is the one that should have measured the lag: it ended early, and no run that counts was played.
+    /// Whether the only run is the one that should have measured the lag: it ended early, and no
+    /// run that counts was played.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub only_measuring: bool,
     /// The runs.
@@ -87,8 +90,8 @@ impl std::fmt::Display for MeanNotes {
     }
 }
 
-/// The report of runs that were all complete, for work that plays on without an operator: a robot that has stopped itself, or was not
-/// released, is not powered again.
+/// The report of runs that were all complete, for work without an operator: after a safety stop, or
+/// if it was not released, a robot is not powered again.
 ///
 /// # Errors
 /// That of `played`; [`Interrupted`] if it was interrupted, or the fault of `part`.
@@ -102,12 +105,12 @@ pub(crate) fn all_complete(
     }
     let report = played?;
     match report.runs.iter().find(|run| run.ending != Ending::Complete) {
-        Some(run) => Err(stopped_itself(part, &run.ending.to_string())),
+        Some(run) => Err(safety_stop(part, &run.ending.to_string())),
         None => Ok(report),
     }
 }
 
-/// By what playing on a robot is compared: the mean of F1 and the onset F1.
+/// The score by which playing on a robot is compared: the mean of F1 and onset F1.
 pub(crate) fn robot_score(f1: f64, notes: &MeanNotes) -> f64 {
     (f1 + notes.onset_f1) / 2.0
 }
@@ -131,7 +134,8 @@ pub struct RobotRun {
     pub lost_records: u64,
     /// Deadlines and periods.
     pub timing: TimingReport,
-    /// How the joints were asked to move and how they moved; empty without a correction, even an empty one.
+    /// How the joints were asked to move and how they moved; empty without a correction, even an
+    /// empty one.
     #[serde(skip)]
     pub tracking: Tracking,
     /// Its notes.
@@ -142,19 +146,21 @@ pub struct RobotRun {
     pub files: Option<Files>,
 }
 
-/// Mean lag from which on another lead is worth having, s.
-const NOTICEABLE_SECS: f64 = 0.005;
+/// Mean lag below which the latency compensation is good enough, s.
+const MAX_GOOD_LAG_SECS: f64 = 0.005;
 
 impl RobotReport {
-    /// The lead of the plan with which the notes would have been on time in the median, if they were not.
+    /// The latency compensation with which the notes would have been on time in the median, s, if
+    /// they were not.
     pub fn better_latency_compensation_secs(&self) -> Option<f64> {
-        self.lag_secs.filter(|late| late.abs() > NOTICEABLE_SECS)?;
-        self.lead_on_time()
+        self.lag_secs.filter(|late| late.abs() > MAX_GOOD_LAG_SECS)?;
+        self.on_time_compensation_secs()
             .filter(|latency_compensation_secs| *latency_compensation_secs != self.latency_compensation_secs)
     }
 
-    /// The lead of the plan with which the notes would have been on time in the median, s; none if no note would then have been right.
-    pub fn lead_on_time(&self) -> Option<f64> {
+    /// The latency compensation with which the notes would have been on time in the median, s; none
+    /// if no note would then have been right.
+    pub fn on_time_compensation_secs(&self) -> Option<f64> {
         self.lag_secs
             .filter(|_| self.notes.onset_f1_without_lag > 0.0)
             .map(|late| (self.latency_compensation_secs + late).clamp(0.0, MAX_LATENCY_COMPENSATION_SECS))
