@@ -10,7 +10,7 @@ const KINDS = {
   warning: { colour: WARNING, shape: 'diamond', one: 'warning', many: 'warnings' },
   clamp: { colour: '#808080', shape: 'tick', one: 'stretch of limited set-points', many: 'stretches of limited set-points' },
   phase: { colour: '#009E73', shape: 'flag', one: 'phase', many: 'phases' },
-  parting: { colour: '#808080', shape: 'band', one: 'place where A and B sound different keys', many: 'places where A and B sound different keys' },
+  difference: { colour: '#808080', shape: 'band', one: 'place where A and B sound different keys', many: 'places where A and B sound different keys' },
 };
 const LANE = 14;
 /** Least distance of two bar lines, pixels. */
@@ -130,7 +130,7 @@ function differenceText(from, to) {
 
 /** A hatched stretch: where two takes sound different keys. */
 function drawBand(pen, x, width, height) {
-  const { colour } = KINDS.parting;
+  const { colour } = KINDS.difference;
   pen.fillStyle = hatching(pen, colour, 4);
   pen.fillRect(x, 0, width, height);
   pen.fillStyle = colour;

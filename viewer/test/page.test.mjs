@@ -407,7 +407,7 @@ test('of a piece of twenty minutes the charts and the bars on the time line stay
   const each = (make) => Array.from({ length: 24_000 }, (_, step) => make(step));
   const take = { ...sampleTake({ steps: 60 }), due: each(() => []), pressed: each(() => []), running: {}, bar_secs: each((step) => step / HZ).filter((_, step) => step % 40 === 0) };
   take.rewards = [{ name: 'key_press', values: each((step) => step % 2) }];
-  const told = (page) => page.getByText('One pixel of a chart stands for several control steps').isVisible();
+  const isNoted = (page) => page.getByText('One pixel of a chart is several control steps').isVisible();
   for (const options of [{}, PHONE]) {
     await withPage(await browser.write({ version: 1, takes: [take], differences: [] }), options, async (page) => {
       const [solid, pale] = await page.locator('.plot canvas').evaluate((canvas) => {
@@ -423,9 +423,9 @@ test('of a piece of twenty minutes the charts and the bars on the time line stay
         return reds.filter((red) => red === Math.min(...reds)).length / reds.length;
       });
       assert.ok(lines > 0 && lines < 0.2, `${lines} of the time line is bar lines`);
-      assert.equal(await told(page), true);
+      assert.equal(await isNoted(page), true);
     });
-    await withPage(await browser.write(oneTake()), options, async (page) => assert.equal(await told(page), false));
+    await withPage(await browser.write(oneTake()), options, async (page) => assert.equal(await isNoted(page), false));
   }
 });
 
@@ -567,11 +567,11 @@ test('hostile names stay text', async () => {
 
 const BROKEN = {
   'no step': { take: sampleTake({ steps: 0 }), says: 'no control step' },
-  'one step': { take: sampleTake({ steps: 1 }), says: 'Nothing was due' },
-  'nothing due': { take: { ...sampleTake({ steps: 100 }), due: Array.from({ length: 100 }, () => []), due_notes: [], matches: [] }, says: 'Nothing was due' },
+  'one step': { take: sampleTake({ steps: 1 }), says: 'No note was due' },
+  'nothing due': { take: { ...sampleTake({ steps: 100 }), due: Array.from({ length: 100 }, () => []), due_notes: [], matches: [] }, says: 'No note was due' },
   'half a recording': { take: { ...sampleTake({ steps: 100 }), incomplete: 'The file ends in the middle of a record.' }, says: 'ends in the middle' },
   'an empty object': { take: {}, says: 'no control step' },
-  'keys and no hand': { take: { ...sampleTake({ steps: 100 }), positions: [], start: null, rewards: [], final: null, bar_secs: [] }, says: 'hand stands still' },
+  'keys and no hand': { take: { ...sampleTake({ steps: 100 }), positions: [], start: null, rewards: [], final: null, bar_secs: [] }, says: 'hand does not move' },
 };
 
 for (const [name, { take, says }] of Object.entries(BROKEN)) {

@@ -198,14 +198,14 @@ function scores(due, pressed) {
 /** The due notes, and by which stroke each was played. */
 function noteByNote(due, notes) {
   const left = new Set(notes.keys());
-  const heard = due.map((note) => {
+  const matches = due.map((note) => {
     const found = [...left].find((index) => notes[index].pitch === note.pitch && Math.abs(notes[index].start - note.start) < 0.2);
     if (found === undefined) return null;
     left.delete(found);
     return { note: found, right: notes[found].start - note.start <= 0.05 };
   });
-  const matched = heard.filter((one) => one?.right).length;
-  return { due_notes: due, heard, note_scores: due.length ? { matched, missed: due.length - matched, wrong: notes.length - matched } : null };
+  const matched = matches.filter((one) => one?.right).length;
+  return { due_notes: due, matches, note_scores: due.length ? { matched, missed: due.length - matched, wrong: notes.length - matched } : null };
 }
 
 /** One take, as etude would write it. */

@@ -63,11 +63,11 @@ test('a slide moves along its axis in a turned body', () => {
 });
 
 test('a stroke and a due note are judged by each other, not by control steps', () => {
-  const heard = [{ note: 0, right: true }, { note: 2, right: false }, null];
-  assert.deepEqual(strokeKinds(4, heard), ['right', 'wrong', 'off', 'wrong']);
+  const matches = [{ note: 0, right: true }, { note: 2, right: false }, null];
+  assert.deepEqual(strokeKinds(4, matches), ['right', 'wrong', 'off', 'wrong']);
   // Struck 30 ms late and released early: right all the same, and its key is due before and after the stroke.
   const due = [{ pitch: 60, start: 1, end: 2, velocity: 80 }];
-  const take = new Take({ control_hz: 20, due: [[60]], due_notes: due, notes: [{ pitch: 60, start: 1.03, end: 1.6, velocity: 80 }], heard: [{ note: 0, right: true }] });
+  const take = new Take({ control_hz: 20, due: [[60]], due_notes: due, notes: [{ pitch: 60, start: 1.03, end: 1.6, velocity: 80 }], matches: [{ note: 0, right: true }] });
   assert.deepEqual([take.dueNotes[0].kind, take.notes[0].kind], ['right', 'right']);
   const shown = (secs) => keyKind(take.dueAt(60, secs), take.strokeAt(60, secs));
   assert.deepEqual([0.9, 1.01, 1.04, 1.59, 1.7, 2.1].map(shown), [null, 'due', 'right', 'right', 'due', null]);

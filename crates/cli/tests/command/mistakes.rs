@@ -279,7 +279,7 @@ fn damaged_files_are_noticed_and_what_is_left_is_named() {
     let begin = "train run/song.mid --config run/config.toml --from run/policy-best.safetensors -o again";
     let said = errors(&sandbox.command(resume).output().unwrap());
     assert!(said.contains(&format!("`etude {}`", begin.replace("again", "DIR"))), "{said}");
-    assert!(sandbox.ok(begin).contains("beginning with run/policy-best.safetensors"));
+    assert!(sandbox.ok(begin).contains("from run/policy-best.safetensors"));
 
     sandbox.write_song("again/song.mid", [60, 62, 67]);
     let resume = "train --resume again --set trainer.total_steps=800";

@@ -120,7 +120,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     for part in [
         "iteration 0 of 1: training, step ",
         "recorded chirp (2 of 5)",
-        "iteration 1: run to measure how late the notes are",
+        "iteration 1: lag measurement (not counted)",
     ] {
         assert!(errors(&said).contains(part), "{part}: {}", errors(&said));
     }

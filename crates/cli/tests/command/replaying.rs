@@ -91,7 +91,7 @@ fn simulation_and_twin_stand_side_by_side_with_the_moments_where_they_part() {
     assert!((f1 - report["robot_f1"].as_f64().unwrap()).abs() < 1e-9, "{f1}");
     // They part where other keys are heard, 0.11 s − 25 ms after the end of each control step, and
     // nowhere else at both ends.
-    let apart: Vec<[f64; 2]> = serde_json::from_value(led["partings"].clone()).unwrap();
+    let apart: Vec<[f64; 2]> = serde_json::from_value(led["differences"].clone()).unwrap();
     let parts = |step: usize| heard(&led["takes"][0], step, 0.085) != led["takes"][1]["pressed"][step];
     for step in 0..led["takes"][0]["due"].as_array().unwrap().len() {
         let middle = (step as f64 + 0.5) / 20.0 + 0.085;
@@ -110,7 +110,7 @@ fn simulation_and_twin_stand_side_by_side_with_the_moments_where_they_part() {
         (&simulation["rig"], &twin["rig"], &twin["mode"]),
         (&"simulation".into(), &"twin (standard)".into(), &"real".into())
     );
-    let apart: Vec<[f64; 2]> = serde_json::from_value(data["partings"].clone()).unwrap();
+    let apart: Vec<[f64; 2]> = serde_json::from_value(data["differences"].clone()).unwrap();
     let pressed = |take: &Value, step: usize| take["pressed"][step].clone();
     for step in 0..simulation["due"].as_array().unwrap().len() {
         let middle = (step as f64 + 0.5) / 20.0;
@@ -141,7 +141,7 @@ fn half_a_recording_is_shown_as_far_as_it_goes() {
     let take = &data["takes"][0];
     let (shown, due) = (take["positions"].as_array().unwrap().len(), take["due"].as_array().unwrap().len());
     assert!(0 < shown && shown < due, "{shown} of {due}");
-    assert!(take["incomplete"].as_str().is_some_and(|text| text.contains("cut short")));
+    assert!(take["incomplete"].as_str().is_some_and(|text| text.contains("incomplete")));
 }
 
 #[test]

@@ -207,7 +207,7 @@ fn a_training_is_stopped_and_resumed() {
     let id = server.train(&sandbox);
     let again = json!({ "verb": "train", "song": "twinkle", "minutes": null, "set": [] });
     let second = server.post("jobs", again.to_string().as_bytes());
-    assert!(second.status == 409 && second.why().contains("a training runs already"), "{}", second.why());
+    assert!(second.status == 409 && second.why().contains("a training is running"), "{}", second.why());
     assert_eq!(server.post(&format!("jobs/{id}/stop"), b"").status, 200);
     let stopped = server.ended(id);
     assert_eq!(stopped["state"], "stopped", "{stopped}");

@@ -114,12 +114,12 @@ fn what_is_too_fast_for_the_hand_is_named_with_its_place() {
     let text = sandbox.ok("songs show leap.mid");
     let place = "bar 2, beat 2 (2.50 s)";
     assert!(
-        text.contains("1.2 notes a second; 3 in the busiest, which begins at bar 2, beat 1 (2.00 s)\n"),
+        text.contains("1.2 notes a second; at most 3 in one, from bar 2, beat 1 (2.00 s) on\n"),
         "{text}"
     );
     assert!(
         text.contains(&format!(
-            "Too far for the time, left out or cut short: 1 of these, the first at {place}\n"
+            "Omitted or shortened because of leaps: 1, the first at {place}\n"
         )),
         "{text}"
     );

@@ -111,7 +111,7 @@ fn a_training_begins_with_what_another_one_has_learned() {
     let other = "--set task.physics.joint.rail.acceleration_limit=7.5";
     let more = format!("short.mid --from source {other} {LONGER}");
     let text = succeed(sandbox.tiny(&format!("{more} -o whole --set trainer.threads=1")));
-    assert!(text.contains("beginning with source"), "{text}");
+    assert!(text.contains("from source"), "{text}");
     let meta: serde_json::Value = serde_json::from_slice(&sandbox.bytes("whole/meta.json")).unwrap();
     assert_eq!(meta["from"], "source");
     // Its first row is the source's last policy in the new world.

@@ -2,7 +2,7 @@
 //! hear, what was learned on the robot itself, and the simulator's parameters.
 
 mod adaptation;
-mod numbers;
+mod parameters;
 mod performance;
 
 use std::path::Path;
@@ -13,7 +13,7 @@ use etude_perform::write_file;
 use maud::{Markup, PreEscaped, html};
 
 use adaptation::Adaptation;
-use numbers::numbers;
+use parameters::parameters;
 use performance::{Performance, performance, see_and_hear};
 
 use crate::figure::{Drawing, Mark, Point, Series};
@@ -120,7 +120,7 @@ fn rehearsal_page(
             }
         }
         @if let Some(section) = adaptation { (section) }
-        (numbers(&results))
+        (parameters(&results))
     };
     Ok(page(&format!("Rehearsal of {}", config.song), &body))
 }
@@ -270,7 +270,7 @@ mod tests {
             "twin parameters worn",
             "Iteration 0 has played best, by the mean of F1 and onset F1: its policy is the one to use.",
             "11 columns: scroll the table sideways.",
-            "<summary>Changed parameters: 1</summary>",
+            "<summary>Parameters changed by the fits: 1</summary>",
             "Notes right on the robot",
             "notes due",
             "gap (%)",
