@@ -118,9 +118,7 @@ fn what_is_too_fast_for_the_hand_is_named_with_its_place() {
         "{text}"
     );
     assert!(
-        text.contains(&format!(
-            "Omitted or shortened because of leaps: 1, the first at {place}\n"
-        )),
+        text.contains(&format!("Omitted or shortened because of leaps: 1, the first at {place}\n")),
         "{text}"
     );
     assert!(
