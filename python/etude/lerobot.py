@@ -44,7 +44,7 @@ def _frames(recording: Recording) -> Columns:
     # a separate topic.
     chosen = recording.topics.get("/target", {"targets": recording["targets"]})["targets"]
     rewards = recording.rewards
-    # A recording that was cut short may end between the messages of a step.
+    # An interrupted recording may end between the messages of a step.
     steps = min([len(recording), len(chosen), len(recording.due), *map(len, rewards.values())])
     columns = {
         "observation.state": recording["positions"][: steps - 1].astype(np.float32),

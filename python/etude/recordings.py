@@ -137,7 +137,7 @@ def _recording_in(folder: pathlib.Path) -> pathlib.Path:
 
 
 def read_recording(path: str | os.PathLike[str]) -> Recording:
-    """Reads a recording; one that was cut short, as far as it goes.
+    """Reads a recording; of an interrupted one the part that exists.
 
     Args:
         path: The file, or a folder with one recording; of numbered results the latest is read.
