@@ -234,7 +234,7 @@ fn planning_that_takes_long_is_stopped_and_says_how_far_it_is() {
     let song = "songs/chords.mid";
     let show = server.begin(&json!({ "verb": "show", "song": song }));
     let again = server.post("jobs", json!({ "verb": "show", "song": song }).to_string().as_bytes());
-    assert_eq!((again.status, again.why().as_str()), (409, "this runs already"));
+    assert_eq!((again.status, again.why().as_str()), (409, "this job is already running"));
     let play = server.begin(&json!({ "verb": "play", "song": song, "player": "best" }));
     wait_for("it says how far it is", || {
         assert_eq!(server.job(play)["state"], "running", "{}", server.job(play));
