@@ -32,7 +32,7 @@ pub use corpus::{Corpus, CorpusConfig};
 pub use environment::Environment;
 pub use error::TaskError;
 pub use fingering::{Fingering, Goals};
-pub use observation::{History, layout, observe};
+pub use observation::{ColumnGroup, ColumnKind, History, column_groups, layout, observe};
 pub use piece::Piece;
 pub use player::Player;
 pub use randomise::{FullRange, RANDOMISED, Randomisation, RandomisationConfig, Widths};

@@ -49,14 +49,78 @@ fn goal_columns(config: &TaskConfig) -> usize {
     GOAL_COLUMNS + usize::from(config.velocities)
 }
 
+/// What a group of columns shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ColumnKind {
+    /// Joint readings.
+    Joints,
+    /// A previous action.
+    Action,
+    /// Of each finger the position relative to its goal, and the time until its note.
+    Goals,
+    /// Planned positions of the rail.
+    Places,
+    /// Keys that sound.
+    Sounding,
+    /// Keys that are due.
+    Due,
+    /// Black keys.
+    Black,
+    /// Fingers that should play.
+    Playing,
+}
+
+impl ColumnKind {
+    fn is_binary(self) -> bool {
+        matches!(self, Self::Sounding | Self::Due | Self::Black | Self::Playing)
+    }
+}
+
+/// Columns of the observation that stand side by side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct ColumnGroup {
+    /// What they show.
+    pub kind: ColumnKind,
+    /// How many control steps ago (joints, actions) or ahead (keys due, fingers that play).
+    pub steps: usize,
+    /// How many they are.
+    pub columns: usize,
+}
+
+/// The groups of columns that `config` asks for, in the order of the observation.
+pub fn column_groups(config: &TaskConfig) -> impl Iterator<Item = ColumnGroup> {
+    use ColumnKind::{Action, Black, Due, Goals, Joints, Places, Playing, Sounding};
+    let group = |kind, steps, columns| ColumnGroup { kind, steps, columns };
+    let is_from_hand = config.view == ObservationView::Hand;
+    let width = if is_from_hand { SLOTS } else { KEY_COUNT };
+    let (goals, rail) = (goal_columns(config) * FINGERS, rail_columns(config));
+    let ahead = 0..=config.lookahead;
+    let joints = 0..=usize::from(config.previous_joints);
+    joints
+        .map(move |ago| group(Joints, ago, DRIVEN_JOINTS))
+        .chain((1..=config.previous_actions).map(move |ago| group(Action, ago, ACTION_LEN)))
+        .chain(config.fingering.then(|| group(Goals, 0, goals)))
+        .chain(is_from_hand.then(|| group(Places, 0, rail)))
+        .chain([group(Sounding, 0, width)])
+        .chain(ahead.clone().map(move |ahead| group(Due, ahead, width)))
+        .chain(is_from_hand.then(|| group(Black, 0, width)))
+        .chain(
+            config
+                .fingering
+                .then_some(ahead)
+                .into_iter()
+                .flatten()
+                .map(move |ahead| group(Playing, ahead, FINGERS)),
+        )
+}
+
 /// Columns of the observation that `config` asks for.
 pub fn layout(config: &TaskConfig) -> ObservationLayout {
-    let joints = if config.previous_joints { 2 * DRIVEN_JOINTS } else { DRIVEN_JOINTS };
-    let actions = config.previous_actions * ACTION_LEN;
-    let goals = if config.fingering { goal_columns(config) * FINGERS } else { 0 };
-    let playing = if config.fingering { FINGERS * (config.lookahead + 1) } else { 0 };
-    let rail = rail_columns(config);
-    ObservationLayout { real: joints + actions + goals + rail, binary: key_columns(config) + playing }
+    column_groups(config).fold(ObservationLayout { real: 0, binary: 0 }, |mut layout, group| {
+        *(if group.kind.is_binary() { &mut layout.binary } else { &mut layout.real }) += group.columns;
+        layout
+    })
 }
 
 /// Columns of the rail's planned positions.

@@ -8,7 +8,10 @@ use etude_stage::hand::LINKS;
 use etude_stage::{DRIVEN_JOINTS, FINGERS, JOINT_NAMES, RAIL, joint_range, kinematics};
 use etude_task::fingering::{AHEAD_STEPS, Goal};
 use etude_task::window::{self, SLOTS, Window};
-use etude_task::{ACTION_LEN, Fingering, ObservationView, Piece, TargetRange, TaskConfig, TaskError};
+use etude_task::{
+    ColumnGroup, ColumnKind, Fingering, ObservationView, Piece, TargetRange, TaskConfig, TaskError,
+    column_groups,
+};
 use serde_json::{Value, json};
 
 /// What the columns of the observation and of the action mean.
@@ -47,54 +50,46 @@ pub(super) fn contract(pianist: &Pianist, song: &Song) -> Result<Value, TaskErro
     }))
 }
 
-/// The groups of columns of the observation, in their order.
+/// The groups of columns of the observation, in their order, with what they mean.
 fn columns(task: &TaskConfig) -> Vec<Value> {
-    let from_hand = task.view == ObservationView::Hand;
-    let place =
-        if task.rail_set_point { "; of the rail its last set-point, not its measured position" } else { "" };
-    let rail = if from_hand { "; the rail's less `rail_m` of this control step" } else { "" };
-    let mut columns = Vec::new();
-    let mut add = |kind: &str, steps: usize, columns_: usize, name: String| {
-        columns.push(json!({"kind": kind, "steps": steps, "columns": columns_, "name": name}));
+    let with_name = |group: ColumnGroup| {
+        let ColumnGroup { kind, steps, columns } = group;
+        json!({"kind": kind, "steps": steps, "columns": columns, "name": column_name(task, kind, steps)})
     };
-    add("joints", 0, DRIVEN_JOINTS, format!("joints (see `scales`: {})", scale_name(task)) + place + rail);
-    if task.previous_joints {
-        add("joints", 1, DRIVEN_JOINTS, "joints one control step ago, in the same way".to_string());
-    }
-    for ago in 1..=task.previous_actions {
-        add("action", ago, ACTION_LEN, format!("action {ago} control steps ago"));
-    }
-    if task.fingering {
-        let velocity = if task.velocities { ", velocity of it" } else { "" };
-        let name = format!(
-            "for each finger: x and y relative to its goal, time until its note{velocity} (see `fingering`)"
-        );
-        add("goals", 0, (3 + usize::from(task.velocities)) * FINGERS, name);
-    }
-    if from_hand {
-        let name = "planned positions of the rail, white keys: that of this control step less the middle of the window, then those of the \
-                    next ones less that of this one, clamped to -4 ... 4";
-        add("places", 0, task.lookahead + 1, name.to_string());
-    }
-    let (width, of_window) = if from_hand { (SLOTS, " (see `window`)") } else { (KEY_COUNT, "") };
-    add("sounding", 0, width, format!("keys that sound, 0 or 1{of_window}"));
-    for ahead in 0..=task.lookahead {
-        add("due", ahead, width, format!("keys due in {ahead} control steps, 0 or 1{of_window}"));
-    }
-    if from_hand {
-        add("black", 0, width, format!("black keys, 0 or 1{of_window}"));
-    }
-    if task.fingering {
-        for ahead in 0..=task.lookahead {
-            add(
-                "playing",
-                ahead,
-                FINGERS,
-                format!("fingers whose wait is 0 in {ahead} control steps, 0 or 1"),
-            );
+    column_groups(task).map(with_name).collect()
+}
+
+fn column_name(task: &TaskConfig, kind: ColumnKind, steps: usize) -> String {
+    let is_from_hand = task.view == ObservationView::Hand;
+    let of_window = if is_from_hand { " (see `window`)" } else { "" };
+    match kind {
+        ColumnKind::Joints if steps == 0 => {
+            let reading = if task.rail_set_point {
+                "; of the rail its last set-point, not its measured position"
+            } else {
+                ""
+            };
+            let rail = if is_from_hand { "; the rail's less `rail_m` of this control step" } else { "" };
+            format!("joints (see `scales`: {}){reading}{rail}", scale_name(task))
         }
+        ColumnKind::Joints => "joints one control step ago, in the same way".to_string(),
+        ColumnKind::Action => format!("action {steps} control steps ago"),
+        ColumnKind::Goals => {
+            let velocity = if task.velocities { ", velocity of it" } else { "" };
+            format!(
+                "for each finger: x and y relative to its goal, time until its note{velocity} (see `fingering`)"
+            )
+        }
+        ColumnKind::Places => {
+            "planned positions of the rail, white keys: that of this control step less the middle of the window, then those of the \
+             next ones less that of this one, clamped to -4 ... 4"
+                .to_string()
+        }
+        ColumnKind::Sounding => format!("keys that sound, 0 or 1{of_window}"),
+        ColumnKind::Due => format!("keys due in {steps} control steps, 0 or 1{of_window}"),
+        ColumnKind::Black => format!("black keys, 0 or 1{of_window}"),
+        ColumnKind::Playing => format!("fingers whose wait is 0 in {steps} control steps, 0 or 1"),
     }
-    columns
 }
 
 fn scale_name(task: &TaskConfig) -> String {
