@@ -116,8 +116,8 @@ mod tests {
             assert!((mean - height).abs() < 1e-3 && deviation < 0.02, "{mean} {height} {deviation}");
         }
         let (mean, deviation) = process.predict(&[0.5, 0.5]);
-        let truth = 1.5f64.sin() + 0.25;
-        assert!((mean - truth).abs() < 3.0 * deviation + 1e-3, "{mean} {truth} {deviation}");
+        let expected = 1.5f64.sin() + 0.25;
+        assert!((mean - expected).abs() < 3.0 * deviation + 1e-3, "{mean} {expected} {deviation}");
     }
 
     #[test]

@@ -115,7 +115,7 @@ fn play_into(
     match &performance.ending {
         Ending::Complete => {}
         Ending::Interrupted => return Err(Interrupted("stopped; nothing was written".to_string()).into()),
-        Ending::Fault(why) => bail!("the performance was cut short: {why}"),
+        Ending::Fault(why) => bail!("the performance was stopped: {why}"),
     }
     let simulated = performance.simulation.unwrap_or_default();
     write_performance(&files, &performance, font)?;

@@ -49,7 +49,7 @@ pub enum Ending {
     Complete,
     /// On request.
     Interrupted,
-    /// The robot stopped itself, for this reason.
+    /// A safety stop, for this reason.
     Fault(String),
 }
 

@@ -21,9 +21,9 @@
 //! Messages are JSON with a JSON schema. Log times are nanoseconds since the start of the
 //! performance; what comes before it has the time 0. The publish times of what a robot's devices
 //! measured are those of the robot's clock, since its wires were opened. The file has an end at any
-//! moment, so a recording that was cut short, even by kill -9, can be opened by any reader of MCAP,
-//! and at most its last second is missing. [`RecordingWriter`](crate::RecordingWriter) writes it,
-//! [`Recording`] reads it.
+//! moment, so a recording that was interrupted, even by kill -9, can be opened by any reader of
+//! MCAP, and at most its last second is missing. [`RecordingWriter`](crate::RecordingWriter) writes
+//! it, [`Recording`] reads it.
 
 use std::path::Path;
 
@@ -62,7 +62,7 @@ pub struct Recording {
     pub arm: Vec<(f64, ArmMessage)>,
     /// What an operator should read, each at its time, s.
     pub notes: Vec<(f64, NoteMessage)>,
-    /// Whether the file ends as it should; `false` for one that was cut short or damaged.
+    /// Whether the file ends as it should; `false` for one that was interrupted or damaged.
     pub complete: bool,
 }
 

@@ -24,7 +24,7 @@ pub enum HandGuidingError {
     /// Its settings are not sound.
     #[error(transparent)]
     Config(#[from] etude_checks::RangeError),
-    /// It stopped itself.
+    /// A safety stop.
     #[error(transparent)]
     Fault(#[from] ArmFault),
     /// It refused a request.

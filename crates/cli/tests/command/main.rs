@@ -9,6 +9,7 @@ mod experiments;
 mod exporting;
 mod interrupting;
 mod killed_recordings;
+mod lexer;
 mod mistakes;
 mod pages;
 mod playing;
@@ -32,6 +33,7 @@ mod tour;
 mod training;
 mod typing;
 mod watch;
+mod words;
 mod worlds;
 
 use std::path::{Path, PathBuf};

@@ -29,9 +29,9 @@ struct Case {
     identified: Identified,
 }
 
-/// All joints swing. The robot is the simulator with the parameters `truth`, two milliradians
+/// All joints swing. The robot is the simulator with the parameters `expected`, two milliradians
 /// behind.
-fn motion(path: &str, truth: &PhysicalParams) -> Motion {
+fn motion(path: &str, expected: &PhysicalParams) -> Motion {
     let swing = |step: usize, joint: usize| {
         let reach = if joint == RAIL { 0.03 } else { 0.12 };
         reach * (step as f64 * (0.2 + 0.01 * joint as f64)).sin()
@@ -51,7 +51,7 @@ fn motion(path: &str, truth: &PhysicalParams) -> Motion {
         moves: [true; DRIVEN_JOINTS],
         keys: Vec::new(),
     };
-    let trace = replay_one(truth, &motion);
+    let trace = replay_one(expected, &motion);
     let lag = |joint: usize, secs: f64| {
         let speed = trace.position(joint, secs + 0.005) - trace.position(joint, secs - 0.005);
         trace.position(joint, secs) - 0.002 * speed.signum()

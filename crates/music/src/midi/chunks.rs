@@ -42,7 +42,7 @@ pub(super) fn split(bytes: &[u8]) -> Result<Chunks<'_>, MidiError> {
         )));
     }
     let cut_short = |what: &str, offset: usize| {
-        MidiError(format!("the file is cut short: {what} at byte {offset}; copy or export it again"))
+        MidiError(format!("the file is truncated: {what} at byte {offset}; copy or export it again"))
     };
     let (_, header, mut rest) = chunk(bytes).ok_or(cut_short("the header is incomplete", bytes.len()))?;
     let [f0, f1, n0, n1, d0, d1] =

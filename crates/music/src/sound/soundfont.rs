@@ -45,7 +45,7 @@ impl SoundFont {
                 SoundError::Read { path: path.into(), source }
             }
             SoundFontError::IoError(_) => {
-                SoundError::NotASoundFont { path: path.into(), why: "the file is cut short".into() }
+                SoundError::NotASoundFont { path: path.into(), why: "the file is truncated".into() }
             }
             other => SoundError::NotASoundFont { path: path.into(), why: other.to_string() },
         })?;

@@ -87,8 +87,8 @@ impl Live {
 }
 
 impl Session {
-    /// Brings the robot up and holds it still for `time`. Returns the fault if the robot stopped
-    /// itself meanwhile.
+    /// Brings the robot up and holds it still for `time`. Returns the fault of a safety stop
+    /// meanwhile.
     ///
     /// # Errors
     /// If the robot does not get ready.

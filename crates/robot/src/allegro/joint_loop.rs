@@ -172,7 +172,7 @@ mod tests {
             for gap in gaps {
                 at += gap;
                 let _ = joints.pwm(ms(at), &[speed * ms(at).as_secs_f64(); WIRE_JOINTS], &[0.0; WIRE_JOINTS], 0.0);
-                // Never beyond the truth: a wrong time step would overshoot.
+                // Never beyond the true value: a wrong time step would overshoot.
                 prop_assert!(joints.velocities[0].abs() <= f64::abs(speed) * (1.0 + 1e-6));
             }
             prop_assert!((joints.velocities[0] - speed).abs() < 1e-3 * speed.abs() + 1e-9);

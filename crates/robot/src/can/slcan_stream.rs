@@ -15,7 +15,7 @@ const DEFAULT_BAUD: u32 = 115_200;
 /// Largest number of bytes that wait while the stream accepts none: about 80 frames.
 const WAITING: usize = 2048;
 /// Refusals in a row, without a frame sent or received between them, after which the adapter is
-/// given up.
+/// abandoned.
 const REFUSALS: u32 = 16;
 /// Ends a half-written line of an earlier program, closes, sets 1 Mbit/s, opens.
 const OPEN: &[u8] = b"\rC\rS8\rO\r";

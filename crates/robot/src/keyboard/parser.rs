@@ -58,7 +58,7 @@ impl MidiParser {
     }
 
     /// Number of damaged parts of the stream so far: data bytes without a status, ends of nothing,
-    /// and messages cut short.
+    /// and incomplete messages.
     ///
     /// A stream that is joined in the middle of a message counts the rest of that message too.
     pub fn damaged(&self) -> u64 {
@@ -100,7 +100,7 @@ impl MidiParser {
         }
     }
 
-    /// A status byte: a message that was begun and is not complete was cut short.
+    /// A status byte: a message that was begun is incomplete.
     fn begin(&mut self, next: Expecting) {
         // Any status byte may end a system exclusive message: that is no damage.
         let cut_short = self.first.is_some() || matches!(self.expecting, Expecting::System { .. });
@@ -208,9 +208,9 @@ mod tests {
     #[test]
     fn damage_is_counted_once_for_each_piece() {
         assert_eq!(parse(&[1, 2, 3]), (vec![], 3), "data without a status");
-        assert_eq!(parse(&[0x90, 60, 0x80, 60, 0]), (vec![off(60)], 1), "a message cut short");
+        assert_eq!(parse(&[0x90, 60, 0x80, 60, 0]), (vec![off(60)], 1), "an incomplete message");
         assert_eq!(parse(&[0xF7]), (vec![], 1), "an end of nothing");
-        assert_eq!(parse(&[0xF2, 1, 0x90, 60, 1]), (vec![on(60, 1)], 1), "a system message cut short");
+        assert_eq!(parse(&[0xF2, 1, 0x90, 60, 1]), (vec![on(60, 1)], 1), "an incomplete system message");
         assert_eq!(parse(&[0xF0, 1, 0x90, 60, 1]), (vec![on(60, 1)], 0), "any status may end an exclusive");
     }
 
