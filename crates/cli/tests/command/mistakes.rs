@@ -38,7 +38,7 @@ fn songs_that_cannot_be_had() {
             "{verb}: {said}"
         );
     }
-    refused(&sandbox, "songs show twinkle --set task.initial_silence_secs=nan", &["NaN s"]);
+    refused(&sandbox, "songs show twinkle --set task.initial_silence_secs=nan", &["initial_silence_secs is NaN"]);
     assert_eq!(sandbox.left_behind().len(), before, "{:?}", sandbox.left_behind());
 }
 
@@ -47,10 +47,12 @@ fn songs_that_cannot_be_had() {
 fn files_that_a_command_has_not_written_are_not_replaced() {
     let sandbox = Sandbox::new();
     let mine = |name: &str| std::fs::write(sandbox.path(name), "mine").unwrap();
+    mine("worlds");
+    refused(&sandbox, "evaluate short.mid --scripted --worlds 1 -o worlds", &["folder worlds", "another"]);
+    assert_eq!(sandbox.bytes("worlds"), b"mine");
     for (args, file) in [
         ("model export -o world.xml", "world.xml"),
         ("export onnx twinkle -o hand.onnx", "hand.onnx"),
-        ("evaluate short.mid --scripted --worlds 1 -o table.csv", "table.csv"),
         ("songs show twinkle --frames due.csv", "due.csv"),
         ("songs show twinkle --reference due.wav", "due.wav"),
         ("songs make --seed 7 -o melody.mid", "melody.mid"),
@@ -107,7 +109,7 @@ fn settings_that_cannot_work() {
         ("--set trainer.sead=3", &["trainer.sead", "expected one of", "seed"]),
         ("--set trainer.seed=-3", &["trainer.seed"]),
         ("--set trainer.seed=many", &["trainer.seed", "many"]),
-        ("--set trainer.num_envs=100000000000", &["trainer.num_envs", "at most 4096"]),
+        ("--set trainer.num_envs=100000000000", &["trainer.num_envs", "from 1 to 4096"]),
         ("--set trainer.num_envs=0", &["trainer.num_envs"]),
         ("--set droq.batch=0", &["droq.batch", "from 1"]),
         ("--set droq=3", &["droq"]),
@@ -224,7 +226,7 @@ fn beginnings_that_do_not_fit() {
     refused(&sandbox, "train short.mid --from run -o new", &["last.safetensors", "damaged"]);
     assert_eq!(sandbox.left_behind(), ["run"]);
     refused(&sandbox, "evaluate short.mid --policy run --worlds 0", &["--worlds"]);
-    refused(&sandbox, "evaluate short.mid --policy run --intensity 2", &["randomisation.intensity", "0 … 1"]);
+    refused(&sandbox, "evaluate short.mid --policy run --intensity 2", &["randomisation.intensity", "from 0 to 1"]);
     refused(&sandbox, "evaluate short.mid --policy run --worlds 1 -o /proc/x.csv", &["/proc/x.csv"]);
 }
 
@@ -297,7 +299,7 @@ fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned(
     for (play, said) in [
         (
             "play short.mid -o after",
-            "`short.mid` is not the piece that the policies called `short` learned: ",
+            "`short.mid` is not the song that the policies named `short` learned: ",
         ),
         (
             "play short.mid -o after --policy runs/short__fast__0",
@@ -346,7 +348,7 @@ fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
             &["--twin-params", "is an option of `etude perform`", "`etude twin`"],
         ),
         ("doctor --joints", &["is an option of `etude robot check`"]),
-        ("doctor --joint", &["did you mean `--joints`, an option of `etude robot check`?"]),
+        ("doctor --by-hnad", &["did you mean `--by-hand`, an option of `etude robot calibrate`?"]),
         ("play twinkle --polic x", &["--policy"]),
         ("train twinkle --preset fsat", &["'fsat'", "similar value exists: 'fast'"]),
         ("rehearse twinkle --preset fsat", &["similar value exists: 'fast'"]),

@@ -79,7 +79,7 @@ fn a_run_is_found_by_its_song_and_a_damaged_one_does_not_hide_it() {
     std::fs::write(sandbox.path("runs/twinkle__bad/policy-best.safetensors"), "damaged").unwrap();
     let report = sandbox.json("play twinkle --json");
     assert!(report["player"].as_str().unwrap().contains("twinkle__mine"), "{report}");
-    assert!(sandbox.path("out/twinkle/performance.wav").is_file());
+    assert!(sandbox.path("out/twinkle/latest/performance.wav").is_file());
 
     // One that has learned less than the sight-reader plays is passed over, and named.
     succeed(sandbox.tiny("short.mid --json"));

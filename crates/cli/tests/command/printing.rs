@@ -37,7 +37,7 @@ fn figures_come_as_json_with_the_documented_keys() {
     // Whoever takes what is suggested has enough.
     let slow = "model lags --set task.physics.joint.fingers.low_pass=0.1";
     let said = sandbox.ok(slow);
-    let (_, suggested) = said.trim_end().split_once("too short. Take ").unwrap();
+    let (_, suggested) = said.trim_end().split_once("too short. Use ").unwrap();
     assert!(sandbox.ok(&format!("{slow} {suggested}")).contains("long enough"), "{suggested}");
     let params = sandbox.json("model params --json --set task.physics.key.threshold=0.6");
     assert_eq!(params.as_array().unwrap().len(), PhysicalParams::rows().count());
