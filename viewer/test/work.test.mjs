@@ -163,7 +163,7 @@ test('what will be hard is listed, each with its bar and time', { skip }, async 
   await page.locator('.playback').getByText('too-hard, played by').waitFor(LONG);
   await page.getByText(/Predicted zero-shot: \d of 7 notes/).waitFor(LONG);
   const hard = await page.locator('.song li').allInnerTexts();
-  assert.ok(hard.some((text) => text.includes('bar 1, beat 3 (1.00 s): C6 is skipped: out of reach with the keys around it')), hard.join('\n'));
+  assert.ok(hard.some((text) => text.includes('bar 1, beat 3 (1.00 s): C6 is omitted: out of reach with the keys around it')), hard.join('\n'));
   assert.equal(hard.filter((text) => text.includes('C4 is struck again before the key has been up for long enough')).length, 3);
   await page.getByText('Easier: the upper voice alone, 6 of 6 notes.').waitFor(LONG);
   await page.getByRole('button', { name: 'Write this arrangement' }).click();
@@ -209,7 +209,7 @@ test('on a phone a tap brings what answers it into view, and nothing else moves 
   }
   await phone.unroute('**/jobs', refuse);
   await tap('Play it');
-  await seen('.heard');
+  await seen('.playback');
   // The server is asked again and again, and a refusal of that is not the answer to a tap.
   await phone.evaluate(() => window.scrollTo(0, document.body.scrollHeight));
   const place = await phone.evaluate(() => window.scrollY);

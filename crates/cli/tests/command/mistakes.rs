@@ -38,7 +38,11 @@ fn songs_that_cannot_be_had() {
             "{verb}: {said}"
         );
     }
-    refused(&sandbox, "songs show twinkle --set task.initial_silence_secs=nan", &["initial_silence_secs is NaN"]);
+    refused(
+        &sandbox,
+        "songs show twinkle --set task.initial_silence_secs=nan",
+        &["initial_silence_secs is NaN"],
+    );
     assert_eq!(sandbox.left_behind().len(), before, "{:?}", sandbox.left_behind());
 }
 
@@ -226,7 +230,11 @@ fn beginnings_that_do_not_fit() {
     refused(&sandbox, "train short.mid --from run -o new", &["last.safetensors", "damaged"]);
     assert_eq!(sandbox.left_behind(), ["run"]);
     refused(&sandbox, "evaluate short.mid --policy run --worlds 0", &["--worlds"]);
-    refused(&sandbox, "evaluate short.mid --policy run --intensity 2", &["randomisation.intensity", "from 0 to 1"]);
+    refused(
+        &sandbox,
+        "evaluate short.mid --policy run --intensity 2",
+        &["randomisation.intensity", "from 0 to 1"],
+    );
     refused(&sandbox, "evaluate short.mid --policy run --worlds 1 -o /proc/x.csv", &["/proc/x.csv"]);
 }
 
@@ -297,10 +305,7 @@ fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned(
     assert!(same.status.success() && errors(&same).is_empty(), "{}", errors(&same));
     sandbox.write_song("short.mid", [60, 62, 65]);
     for (play, said) in [
-        (
-            "play short.mid -o after",
-            "`short.mid` is not the song that the policies named `short` learned: ",
-        ),
+        ("play short.mid -o after", "`short.mid` is not the song that the policies named `short` learned: "),
         (
             "play short.mid -o after --policy runs/short__fast__0",
             "warning: this policy learned another `short`",

@@ -136,7 +136,11 @@ fn half_a_recording_is_shown_as_far_as_it_goes() {
     let whole = sandbox.bytes("out/1/recording.mcap");
     std::fs::write(sandbox.path("half.mcap"), &whole[..whole.len() / 2]).unwrap();
     let output = sandbox.command("replay half.mcap -o half.html").output().unwrap();
-    assert!(output.status.success() && errors(&output).contains("as far as it goes"), "{}", errors(&output));
+    assert!(
+        output.status.success() && errors(&output).contains("control steps are shown"),
+        "{}",
+        errors(&output)
+    );
     let data = data(&sandbox.bytes("half.html"));
     let take = &data["takes"][0];
     let (shown, due) = (take["positions"].as_array().unwrap().len(), take["due"].as_array().unwrap().len());

@@ -44,7 +44,7 @@ fn each_robot_has_a_folder_of_its_own() {
     ] {
         let seen = std::fs::read_dir(sandbox.path("out")).map_or(0, Iterator::count);
         sandbox.ok(&format!("perform short.mid --scripted {args}"));
-        assert!(sandbox.path("out").join(folder).join("run-1.mcap").is_file(), "{folder}");
+        assert!(sandbox.path("out").join(folder).join("latest/run-1.mcap").is_file(), "{folder}");
         assert_eq!(std::fs::read_dir(sandbox.path("out")).unwrap().count(), seen + 1, "{args}");
     }
 }
@@ -148,7 +148,7 @@ fn an_ordered_fault_cuts_the_performance_short() {
             !output.status.success() && text.contains("ended with a fault") && text.contains(said),
             "{text}"
         );
-        let recording = Recording::read(&sandbox.path("f/1/run-1.mcap")).unwrap();
+        let recording = Recording::read(&sandbox.path("f/latest/run-1.mcap")).unwrap();
         let note = recording.notes.iter().find(|(_, note)| note.kind == "fault");
         assert!(
             note.is_some_and(|(_, note)| note.text.contains(said) || note.text.contains("arm")),

@@ -79,7 +79,7 @@ fn a_song_is_shown_and_its_frames_are_written() {
 fn notes_that_the_hand_cannot_play_as_written_are_named_with_their_place() {
     let sandbox = Sandbox::new();
     let text = sandbox.ok("songs show d-major-scale");
-    assert!(text.contains("With three fingers: 15 notes, ") && text.contains("ends 0."), "{text}");
+    assert!(text.contains("With three fingers: 15 notes, ") && text.contains("s shorter: "), "{text}");
     let shown = sandbox.json("songs show d-major-scale --json");
     let limits = shown["fingering"]["limits"].as_array().unwrap();
     assert!(!limits.is_empty());
