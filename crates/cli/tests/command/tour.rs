@@ -144,9 +144,12 @@ fn the_commands_of_the_readme_run_one_after_the_other() {
             run(&sandbox, &command);
         }
     }
-    for made in
-        ["out/twinkle/replay.html", "out/both.html", "out/gallery/index.html", "out/twinkle/recording.mp4"]
-    {
+    for made in [
+        "out/twinkle/latest/replay.html",
+        "out/both.html",
+        "out/gallery/index.html",
+        "out/twinkle/latest/recording.mp4",
+    ] {
         // Without ffmpeg a video is a folder of pictures.
         assert!(sandbox.path(made).is_file() || made.ends_with(".mp4"), "{made}");
     }
