@@ -304,7 +304,7 @@ mod tests {
                 .contains("onset_f1, onset_offset_f1, overall")
         );
         assert!(check("droq.batch=0").unwrap_err().to_string().contains("droq.batch"));
-        assert!(check("trainer.num_envs=100000000000").unwrap_err().to_string().contains("at most 4096"));
+        assert!(check("trainer.num_envs=100000000000").unwrap_err().to_string().contains("from 1 to 4096"));
         let change = |text: &str| change_resumable(&RunConfig::default(), &[text.to_string()]);
         assert_eq!(change("trainer.total_steps=7").unwrap().trainer.total_steps, 7);
         assert!(
