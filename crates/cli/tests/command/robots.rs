@@ -139,7 +139,8 @@ fn mistakes_are_told_before_anything_moves() {
 #[test]
 fn an_ordered_fault_cuts_the_performance_short() {
     let sandbox = Sandbox::new();
-    for (fault, said) in [("can-bus-off@10.5", "`ip link set can0 down`"), ("arm-error=31@10.5", "error 31")]
+    for (number, fault, said) in
+        [(1, "can-bus-off@10.5", "`ip link set can0 down`"), (2, "arm-error=31@10.5", "error 31")]
     {
         let play = format!("perform short.mid --scripted --robot twin --fault {fault} -o f");
         let output = sandbox.command(&play).output().unwrap();
@@ -148,7 +149,7 @@ fn an_ordered_fault_cuts_the_performance_short() {
             !output.status.success() && text.contains("ended with a fault") && text.contains(said),
             "{text}"
         );
-        let recording = Recording::read(&sandbox.path("f/latest/run-1.mcap")).unwrap();
+        let recording = Recording::read(&sandbox.path(format!("f/{number}/run-1.mcap"))).unwrap();
         let note = recording.notes.iter().find(|(_, note)| note.kind == "fault");
         assert!(
             note.is_some_and(|(_, note)| note.text.contains(said) || note.text.contains("arm")),

@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
+use anyhow::Context as _;
 use etude_lab::{SIGHT_READER, slug};
 use etude_music::metrics::{FrameScores, FrameTally, NoteScores, frame_scores, note_scores};
 use etude_music::sound::{self, SoundError};
@@ -138,7 +139,7 @@ impl Take {
     /// If its world cannot be built.
     pub fn new(recording: &Recording, name: String) -> anyhow::Result<Self> {
         let header = &recording.header;
-        let task = task_of(header);
+        let task = task_of(header)?;
         let mut world = world_of(&task)?;
         let mut scene = world.scene();
         let in_simulation = header.activity == etude_perform::Activity::Simulation;
@@ -247,16 +248,17 @@ fn world_of(task: &TaskConfig) -> anyhow::Result<World> {
 }
 
 /// The task of a recording; without one in its header the default task with the rig's hand.
-fn task_of(header: &Header) -> TaskConfig {
-    let task = header
-        .run
-        .as_ref()
-        .and_then(|run| serde_json::from_value::<TaskConfig>(run.get("task")?.clone()).ok());
-    task.unwrap_or_else(|| {
-        let side = header.rig_config.as_ref().map(|rig| stage_side(rig.hand.side));
-        let stage = StageConfig { side: side.unwrap_or_default(), ..StageConfig::default() };
-        TaskConfig { stage, ..TaskConfig::default() }
-    })
+///
+/// # Errors
+/// If it has a task that this version cannot read.
+fn task_of(header: &Header) -> anyhow::Result<TaskConfig> {
+    if let Some(task) = header.run.as_ref().and_then(|run| run.get("task")) {
+        return serde_json::from_value(task.clone())
+            .context("its task is of another version of Étude; record it again");
+    }
+    let side = header.rig_config.as_ref().map(|rig| stage_side(rig.hand.side));
+    let stage = StageConfig { side: side.unwrap_or_default(), ..StageConfig::default() };
+    Ok(TaskConfig { stage, ..TaskConfig::default() })
 }
 
 impl PlayedNote {
@@ -326,7 +328,10 @@ mod tests {
     fn a_recording_is_shown_in_its_own_task() {
         let task = serde_json::to_value(TaskConfig { lookahead: 9, ..TaskConfig::default() }).unwrap();
         let header = Header { run: Some(serde_json::json!({ "task": task })), ..Header::default() };
-        assert_eq!(task_of(&header).lookahead, 9);
+        assert_eq!(task_of(&header).unwrap().lookahead, 9);
+        let other = serde_json::json!({ "task": { "of_another_version": 1 } });
+        let header = Header { run: Some(other), ..Header::default() };
+        assert!(task_of(&header).unwrap_err().to_string().contains("another version"));
     }
 
     #[test]
