@@ -11,7 +11,7 @@ import etude
 from etude.sb3 import PianoVecEnv
 
 # Something for each seed to decide.
-TASK = {"randomisation": 0.5}
+TASK = {"options": {"randomisation.intensity": 0.5}}
 
 
 def test_it_does_what_single_environments_do_behind_a_monitor(short_song):
