@@ -50,8 +50,8 @@ pub(super) fn key_press(context: &StepContext) -> f64 {
 /// Distance up to which a finger gets the full reward, m; as in RP1M.
 pub(super) const OT_BOUND: f64 = 0.01;
 /// Further distance at which it gets a tenth, m. The papers give no number. With RoboPianist's 0.1
-/// a finger on the white key next to the right one gets 0.96, with 0.05 it gets 0.85
-///.
+/// a finger on the white key next to the right one gets 0.96, with 0.05 it gets
+/// 0.85.
 pub(super) const OT_MARGIN: f64 = 0.05;
 
 /// Mean closeness of fingers to the due keys that lateral optimal transport assigns to them.
