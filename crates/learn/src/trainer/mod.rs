@@ -18,10 +18,6 @@ mod warm_start;
 
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod toy;
-#[cfg(test)]
-mod warm_start_tests;
 
 use std::sync::Arc;
 

@@ -3,9 +3,8 @@
 use std::{fs, path::Path};
 
 use super::{
-    checkpoint::Origin,
+    super::{checkpoint::Origin, *},
     toy::{Tracking, Watch, assert_same_files, config, droq, files, inputs},
-    *,
 };
 use crate::{
     env::{ObservationLayout, StepBatch},

@@ -1,10 +1,11 @@
+mod toy;
+mod warm_start;
+
 use std::{fs, path::Path};
 
-use super::{
-    toy::{Grid, Tracking, Watch, assert_same_files, config, droq, files, inputs, raw},
-    *,
-};
+use super::*;
 use crate::{files::encode_tensors, random::Stream};
+use toy::{Grid, Tracking, Watch, assert_same_files, config, droq, files, inputs, raw};
 
 #[test]
 fn the_toy_is_solved() {

@@ -3,7 +3,7 @@
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-use super::*;
+use super::super::*;
 use crate::{
     env::{EnvironmentError, ObservationLayout, StepBatch},
     random::Stream,
