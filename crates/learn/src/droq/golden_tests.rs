@@ -89,7 +89,7 @@ impl Golden {
     }
 
     /// Compares all of a learner with what `prefix` names.
-    fn compare(&self, droq: &Droq, prefix: &str, tolerance: f32) {
+    fn compare(&self, droq: &mut Droq, prefix: &str, tolerance: f32) {
         let mut compared = 0;
         for tensor in droq.tensors() {
             if let Some((_, expected)) = self.find(&format!("{prefix}.{}", tensor.name)) {
@@ -130,10 +130,10 @@ fn golden(name: &str, dropout: f64) {
                 for gradient in gradients {
                     compare(&gradient.name, gradient.values, &golden.get(&gradient.name), 2e-6);
                 }
-                golden.compare(&droq, "first", 1e-5);
+                golden.compare(&mut droq, "first", 1e-5);
             }
         }
-        golden.compare(&droq, "last", 1e-5);
+        golden.compare(&mut droq, "last", 1e-5);
     }
 }
 

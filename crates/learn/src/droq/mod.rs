@@ -11,7 +11,6 @@
 mod critic;
 mod draws;
 mod gaussian;
-mod initial;
 mod shard;
 mod tensors;
 mod trainable;
@@ -24,7 +23,6 @@ mod tests;
 
 pub(crate) use draws::{CRITICS, ShardStreams};
 pub(crate) use gaussian::Gaussian;
-pub(crate) use initial::InitialParameters;
 pub(crate) use trainable::Trainable;
 
 use crate::{
@@ -144,6 +142,12 @@ impl Droq {
     /// [`actor_parameters`](Self::actor_parameters).
     pub(crate) fn policy_parameters(&self) -> &[f32] {
         &self.policy
+    }
+
+    /// Whether updates from now on do not change the actor and the temperature, except their
+    /// optimiser moments.
+    pub(crate) fn hold_actor(&mut self, held: bool) {
+        self.actor_held = held;
     }
 
     pub(crate) fn updates(&self) -> u64 {

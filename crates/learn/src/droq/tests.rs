@@ -211,7 +211,7 @@ fn the_same_seed_gives_the_same_bytes_in_parallel_too() {
         let [first, second] = &mut learners;
         assert_eq!(first.learn(&replay, false), pool.install(|| second.learn(&replay, true)));
     }
-    let [first, second] = &learners;
+    let [first, second] = &mut learners;
     assert_eq!(first.updates(), 20);
     for (a, b) in first.tensors().iter().zip(second.tensors()) {
         assert_eq!(a.values, b.values, "{}", a.name);

@@ -218,7 +218,7 @@ impl Trainer {
         Ok(())
     }
 
-    fn check_finite(&self) -> Result<(), TrainError> {
+    fn check_finite(&mut self) -> Result<(), TrainError> {
         match self.droq.not_finite() {
             Some(name) => {
                 Err(TrainError::NotFinite { what: format!("a value in tensor `{name}`"), step: self.step })

@@ -65,7 +65,7 @@ impl Trainer {
         let mut learner = Self::learner(droq, config, &*inputs.environment);
         if let Some(source) = source {
             source.check(droq, &*inputs.environment)?;
-            learner.load_initial(&source.parameters);
+            source.load(&mut learner)?;
         }
         Checkpoints::new(folder).prepare()?;
         let mut trainer = Self::build(folder, droq, config, inputs, learner, (Mark::default(), [0, 0]))?;

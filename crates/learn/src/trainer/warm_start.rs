@@ -20,17 +20,18 @@ use super::{
 };
 use crate::{
     config::DroqConfig,
-    droq::InitialParameters,
+    droq::Droq,
     env::{ObservationLayout, VectorEnvironment},
     files::{FileError, read},
-    policy::{Policy, PolicyHeader},
+    policy::Policy,
 };
 
 /// The parameters of another training, read and checked.
 pub struct WarmStart {
     path: PathBuf,
-    header: PolicyHeader,
-    pub(super) parameters: InitialParameters,
+    policy: Policy,
+    /// The checkpoint of a run; none of a policy file.
+    checkpoint: Option<Vec<u8>>,
 }
 
 impl WarmStart {
@@ -39,9 +40,7 @@ impl WarmStart {
     /// # Errors
     /// If the file cannot be read or is no policy.
     pub fn from_policy(path: &Path) -> Result<Self, FileError> {
-        let policy = Policy::load(path)?;
-        let parameters = InitialParameters::of_policy(policy.parameters());
-        Ok(Self::new(path, &policy, parameters))
+        Ok(Self { path: path.to_owned(), policy: Policy::load(path)?, checkpoint: None })
     }
 
     /// Actor, critics, their targets and temperature of the last checkpoint of the training in
@@ -51,25 +50,15 @@ impl WarmStart {
     /// If the folder holds no checkpoint or a damaged one.
     pub fn from_run(folder: &Path) -> Result<Self, FileError> {
         let policy = Policy::load(&folder.join(LAST_POLICY))?;
-        let header = policy.header();
         let checkpoints = Checkpoints::new(folder);
         let bytes = read(&checkpoints.path())?;
-        let file = checkpoints.parse(&bytes)?;
-        let parameters =
-            InitialParameters::of_learner(header.layout, header.action_len, &header.hidden, &|name| {
-                file.floats(name)
-            });
-        let parameters = parameters.map_err(|reason| FileError::content(&checkpoints.path(), reason))?;
-        Ok(Self::new(folder, &policy, parameters))
-    }
-
-    fn new(path: &Path, policy: &Policy, parameters: InitialParameters) -> Self {
-        Self { path: path.to_owned(), header: policy.header().clone(), parameters }
+        checkpoints.parse(&bytes)?;
+        Ok(Self { path: folder.to_owned(), policy, checkpoint: Some(bytes) })
     }
 
     /// The `notes` that the other training was given ([`TrainingInputs`](super::TrainingInputs)).
     pub fn notes(&self) -> &serde_json::Value {
-        &self.header.notes["training"]
+        &self.policy.header().notes["training"]
     }
 
     /// Checks that a training's networks have the same shape.
@@ -83,10 +72,11 @@ impl WarmStart {
         let values = |len: usize| format!("{len} values of action");
         let layers = |hidden: &[usize]| format!("hidden layers of {hidden:?} units (`droq.hidden`)");
         let (layout, action_len) = (environment.layout(), environment.action_len());
+        let theirs = self.policy.header();
         let pairs = [
-            (columns(self.header.layout), columns(layout)),
-            (values(self.header.action_len), values(action_len)),
-            (layers(&self.header.hidden), layers(&droq.hidden)),
+            (columns(theirs.layout), columns(layout)),
+            (values(theirs.action_len), values(action_len)),
+            (layers(&theirs.hidden), layers(&droq.hidden)),
         ];
         match pairs.into_iter().find(|(theirs, ours)| theirs != ours) {
             Some((theirs, ours)) => Err(TrainError::Refused(format!(
@@ -98,7 +88,19 @@ impl WarmStart {
         }
     }
 
+    /// Sets the parameters of a learner of the same shape.
+    pub(super) fn load(&self, learner: &mut Droq) -> Result<(), FileError> {
+        let Some(bytes) = &self.checkpoint else {
+            learner.load_policy(self.policy.parameters());
+            return Ok(());
+        };
+        let checkpoints = Checkpoints::new(&self.path);
+        let file = checkpoints.parse(bytes)?;
+        let learned = learner.load_learned(&|name| file.floats(name));
+        learned.map_err(|reason| FileError::content(&checkpoints.path(), reason))
+    }
+
     pub(super) fn origin(&self) -> Origin {
-        if self.parameters.has_critics() { Origin::Run } else { Origin::Policy }
+        if self.checkpoint.is_some() { Origin::Run } else { Origin::Policy }
     }
 }
