@@ -1,6 +1,6 @@
 //! Divides a joint's remaining error by what it correlates with: the direction of motion (backlash,
 //! dry friction), velocity (timing), acceleration (inertia), a constant offset, the readings'
-//! noise, and the rest, slow and fast.
+//! noise, and the rest.
 //!
 //! A regression of the differences between simulation and recording on direction, velocity and
 //! acceleration of the simulated joint. These correlate in most motions, so the explained part is
@@ -23,18 +23,9 @@ const DIFFERENCE_SECS: f64 = 0.005;
 /// A slower joint keeps its last direction, rad/s and m/s, because backlash and friction do.
 const STANDSTILL: [f64; 2] = [0.005, 0.0005];
 
-/// The rest is slow where it shows in the moving mean over this time, s: a control step.
-const SLOW_SECS: f64 = 0.05;
-/// Time after a change of direction in which a joint takes up its backlash, s.
-const TURN_SECS: f64 = 0.05;
-
 /// One reading of a joint and its simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sample {
-    /// When it was read, s.
-    pub secs: f64,
-    /// Whether the joint has just changed direction.
-    pub turned: bool,
     /// Simulated minus measured, rad or m.
     pub error: f64,
     /// Direction of the last motion, 1 or −1; 0 before any. Then velocity and acceleration, in s,
@@ -51,14 +42,10 @@ pub(super) struct ErrorDecomposition {
     pub offset: f64,
     /// Shares of direction, velocity and acceleration.
     pub shares: [f64; REGRESSORS],
-    /// Share of the rest that is slow.
-    pub slow: f64,
-    /// Share of the rest within a control step.
-    pub fast: f64,
+    /// Share of the rest.
+    pub rest: f64,
     /// Share of the readings' noise.
     pub noise: f64,
-    /// Share of the mean square just after changes of direction, and the share of those readings.
-    pub turning: [f64; 2],
     /// The mean error, rad or m.
     pub mean_error: f64,
     /// Error per unit of direction (rad or m), of velocity (s) and of acceleration (s²).
@@ -68,7 +55,7 @@ pub(super) struct ErrorDecomposition {
 /// Readings of a joint and its simulation.
 pub(super) fn samples(motion: &Motion, trace: &Trace, joint: usize) -> Vec<Sample> {
     let stands = STANDSTILL[usize::from(joint == RAIL)];
-    let (mut direction, mut turned) = (0.0, f64::NEG_INFINITY);
+    let mut direction = 0.0;
     let sample = |(secs, measured): (f64, f64)| {
         // At the start there is no reading before the first.
         let centre = secs.max(DIFFERENCE_SECS);
@@ -77,14 +64,9 @@ pub(super) fn samples(motion: &Motion, trace: &Trace, joint: usize) -> Vec<Sampl
         let velocity = (later - earlier) / (2.0 * DIFFERENCE_SECS);
         let acceleration = (later - 2.0 * here + earlier) / (DIFFERENCE_SECS * DIFFERENCE_SECS);
         if velocity.abs() > stands {
-            if velocity.signum() != direction {
-                turned = secs;
-            }
             direction = velocity.signum();
         }
         Sample {
-            secs,
-            turned: secs - turned < TURN_SECS,
             error: trace.position(joint, secs) - measured,
             motion: [direction, velocity, acceleration],
         }
@@ -120,45 +102,16 @@ pub(super) fn decompose(samples: &[Sample], noise: f64) -> Option<ErrorDecomposi
     let shares = terms.map(|term| if all > 0.0 { explained * term / all } else { 0.0 });
     let offset = mean_error * mean_error / square;
     let rest = (1.0 - offset - shares.iter().sum::<f64>()).max(0.0);
-    let line = |sample: &Sample| {
-        let (motion, means) = (sample.motion.iter(), &means);
-        motion.zip(means.iter()).zip(slopes).map(|((value, mean), slope)| slope * (value - mean)).sum::<f64>()
-    };
-    let residuals: Vec<f64> = samples.iter().map(|sample| sample.error - mean_error - line(sample)).collect();
-    let slow = (slow_square(samples, &residuals) / count / square).min(rest);
-    let noise = (noise * noise / square).min(rest - slow);
-    let after_turns = || samples.iter().filter(|sample| sample.turned);
-    let turning_squares: f64 = after_turns().map(|sample| sample.error * sample.error).sum();
+    let noise = (noise * noise / square).min(rest);
     Some(ErrorDecomposition {
         rms: square.sqrt(),
         offset,
         shares,
-        slow,
-        fast: rest - slow - noise,
+        rest: rest - noise,
         noise,
-        turning: [turning_squares / count / square, after_turns().count() as f64 / count],
         mean_error,
         slopes,
     })
-}
-
-/// Sum of squares of the residuals' moving mean.
-fn slow_square(samples: &[Sample], residuals: &[f64]) -> f64 {
-    // Time jumps between motions.
-    let is_near = |a: &Sample, b: &Sample| (a.secs - b.secs).abs() <= SLOW_SECS / 2.0;
-    let (mut from, mut to, mut squares) = (0, 0, 0.0);
-    for (index, sample) in samples.iter().enumerate() {
-        while !is_near(&samples[from], sample) && from < index {
-            from += 1;
-        }
-        to = to.max(index + 1);
-        while samples.get(to).is_some_and(|later| is_near(later, sample)) {
-            to += 1;
-        }
-        let mean = residuals[from..to].iter().sum::<f64>() / (to - from) as f64;
-        squares += mean * mean;
-    }
-    squares
 }
 
 /// Slopes of the error by least squares, from the covariances; zero for a regressor that depends on
@@ -196,12 +149,7 @@ mod tests {
                 let velocity = 0.2 * speed * phase.cos();
                 let acceleration = 0.2 * (rise * phase.cos() - speed * speed * phase.sin());
                 let motion = [velocity.signum(), velocity, acceleration];
-                Sample {
-                    secs,
-                    turned: (phase.cos() * (phase - 0.15).cos()) < 0.0,
-                    error: error(motion, secs),
-                    motion,
-                }
+                Sample { error: error(motion, secs), motion }
             })
             .collect()
     }
@@ -212,7 +160,7 @@ mod tests {
             let found = decompose(&sweep(|motion, _| size * motion[cause]), 0.0).unwrap();
             assert!((found.slopes[cause] - size).abs() < 1e-9 * size, "{found:?}");
             assert!(
-                (found.shares[cause] + found.offset - 1.0).abs() < 1e-9 && found.slow + found.fast < 1e-9,
+                (found.shares[cause] + found.offset - 1.0).abs() < 1e-9 && found.rest < 1e-9,
                 "{found:?}"
             );
         }
@@ -228,19 +176,11 @@ mod tests {
         let rng = std::cell::RefCell::new(rand_pcg::Pcg64::seed_from_u64(1));
         let uniform = || rng.borrow_mut().random_range(-1.0..1.0) * 3f64.sqrt() * 1e-3;
         let noise = decompose(&sweep(|_, _| uniform()), 1e-3).unwrap();
-        assert!(noise.noise > 0.9 && noise.slow < 0.1 && noise.fast < 0.05, "{noise:?}");
+        assert!(noise.noise > 0.9 && noise.rest < 0.1, "{noise:?}");
         let hum = decompose(&sweep(|_, secs| 1e-3 * (secs * 700.0).sin()), 1e-5).unwrap();
-        assert!(hum.fast > 0.97, "{hum:?}");
+        assert!(hum.rest > 0.97, "{hum:?}");
         let drift = decompose(&sweep(|_, secs| 1e-3 * (secs * 0.7).sin()), 1e-5).unwrap();
-        assert!(drift.slow > 0.97, "{drift:?}");
-        // An error only where the joint changes direction is found there, whatever else it
-        // correlates with.
-        let samples: Vec<Sample> = sweep(|_, _| 1.0)
-            .into_iter()
-            .map(|sample| Sample { error: if sample.turned { 0.01 } else { 0.0 }, ..sample })
-            .collect();
-        let [share, time] = decompose(&samples, 0.0).unwrap().turning;
-        assert!((share - 1.0).abs() < 1e-9 && time < 0.1, "{share} {time}");
+        assert!(drift.rest > 0.97, "{drift:?}");
     }
 
     #[test]
@@ -252,7 +192,7 @@ mod tests {
             for b in signs {
                 for c in signs {
                     let error = 3.0 * a + 2.0 * b + c + 2f64.sqrt();
-                    samples.push(Sample { secs: 0.0, turned: false, error, motion: [a, b, c] });
+                    samples.push(Sample { error, motion: [a, b, c] });
                 }
             }
         }
@@ -278,7 +218,7 @@ mod tests {
             "{found:?}"
         );
         // A joint that never moves has an offset and nothing else.
-        let still = Sample { secs: 0.0, turned: false, error: 1.0, motion: [0.0; 3] };
+        let still = Sample { error: 1.0, motion: [0.0; 3] };
         assert_eq!(decompose(&[still; 10], 0.0).unwrap().offset, 1.0);
     }
 
@@ -286,20 +226,20 @@ mod tests {
         #[test]
         fn shares_sum_to_one(
             values in proptest::collection::vec(
-                (-1.0..1.0f64, -1.0..1.0f64, -9.0..9.0f64, 0.0..0.5f64),
+                (-1.0..1.0f64, -1.0..1.0f64, -9.0..9.0f64),
                 1..60,
             ),
             noise in 0.0..2.0f64,
         ) {
             let samples: Vec<Sample> = values
                 .iter()
-                .map(|&(error, a, b, secs)| {
+                .map(|&(error, a, b)| {
                     let motion = [a.signum(), b, a * b];
-                    Sample { secs, turned: a > 0.5, error, motion }
+                    Sample { error, motion }
                 })
                 .collect();
             if let Some(found) = decompose(&samples, noise) {
-                let all = [found.offset, found.noise, found.slow, found.fast].into_iter().chain(found.shares);
+                let all = [found.offset, found.noise, found.rest].into_iter().chain(found.shares);
                 prop_assert!((all.clone().sum::<f64>() - 1.0).abs() < 1e-6, "{found:?}");
                 prop_assert!(all.clone().all(|share| share >= 0.0), "{found:?}");
             }

@@ -10,7 +10,6 @@ mod directions;
 mod document;
 mod error_decomposition;
 mod errors;
-mod fixed;
 mod input;
 mod number;
 mod overlay;

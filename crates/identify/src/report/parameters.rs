@@ -1,17 +1,14 @@
-//! The parameters: estimates with their intervals, and fixed values with the reason.
-
-use std::collections::BTreeSet;
+//! The parameters that were estimated, with their intervals.
 
 use etude_stage::PhysicalParams;
 
 use super::document::{paragraph, table};
-use super::fixed::{COLUMNS, fixed};
 use super::input::ReportInput;
 use super::number::number;
 use crate::estimate::{Bound, Estimate, ParameterEstimate};
 use crate::presses::Measured;
 
-/// Tables of the estimates, one a group, and of the fixed parameters.
+/// Tables of the estimates, one a group, and of what slow presses measured.
 pub(super) fn elements(input: &ReportInput<'_>) -> Vec<String> {
     let mut elements = vec![paragraph(
         "Intervals are cut at the bounds. The interval of a parameter at a bound is computed as if there were no bound. \
@@ -26,10 +23,6 @@ pub(super) fn elements(input: &ReportInput<'_>) -> Vec<String> {
     if !measured.is_empty() {
         elements.push(measured_rows(measured, input.before));
     }
-    let paths = estimates.iter().flat_map(|(_, estimate)| &estimate.parameters);
-    let paths = paths.map(|parameter| &parameter.path).chain(measured.iter().map(|one| &one.path));
-    let estimated: BTreeSet<&str> = paths.map(String::as_str).collect();
-    elements.push(table("Fixed at these values", &COLUMNS, fixed(&estimated, input.after)));
     elements
 }
 

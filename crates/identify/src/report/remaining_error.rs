@@ -21,7 +21,7 @@ struct Cause {
 }
 
 /// In the order of [`RemainingError::shares`].
-const CAUSES: [Cause; 7] = [
+const CAUSES: [Cause; 6] = [
     Cause {
         name: "offset",
         phrase: "is a constant offset",
@@ -49,18 +49,11 @@ const CAUSES: [Cause; 7] = [
                   hand looks the same.",
     },
     Cause {
-        name: "slow rest",
-        phrase: "depends on none of direction, velocity and acceleration, and changes slowly",
-        meaning: "an effect that lasts longer than a control step and depends on none of direction, velocity and \
-                  acceleration: sticking at rest, friction that changes with position or load, backlash under a load. No row of \
-                  the simulator expresses it.",
-    },
-    Cause {
-        name: "fast rest",
-        phrase: "changes within a control step of 50 ms (the response to single targets, backlash after a turn)",
-        meaning: "an effect within a control step: how the joint responds to a single target (shape of its rise, ringing, \
-                  timing finer than a physics step), backlash after a turn, vibration. Rows: jerk_limit, low_pass, delay, in \
-                  part.",
+        name: "rest",
+        phrase: "depends on none of direction, velocity and acceleration",
+        meaning: "sticking at rest, friction that changes with position or load, backlash under a load, which no row of \
+                  the simulator expresses; or how the joint responds to a single target (rows, in part: jerk_limit, \
+                  low_pass, delay).",
     },
     Cause {
         name: "noise",
@@ -96,7 +89,7 @@ impl RemainingError {
     fn shares(&self) -> [f64; CAUSES.len()] {
         let found = &self.found;
         let [direction, velocity, acceleration] = found.shares;
-        [found.offset, direction, velocity, acceleration, found.slow, found.fast, found.noise]
+        [found.offset, direction, velocity, acceleration, found.rest, found.noise]
     }
 
     /// The largest part, if it dominates.
@@ -124,17 +117,14 @@ fn largest(shares: &[f64]) -> Option<(usize, f64)> {
     shares.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The mean of a value over the finger joints, weighted by their mean square errors; `None` without
-/// any error.
-fn pooled(parts: &[RemainingError], value: impl Fn(&RemainingError) -> f64) -> Option<f64> {
+/// Shares of the mean square error of all finger joints together; `None` without any error.
+fn pooled_shares(parts: &[RemainingError]) -> Option<[f64; CAUSES.len()]> {
     let fingers = || parts.iter().filter(|part| part.joint != RAIL);
-    let whole: f64 = fingers().map(|part| part.found.rms.powi(2)).sum();
-    (whole > 0.0).then(|| fingers().map(|part| part.found.rms.powi(2) * value(part)).sum::<f64>() / whole)
-}
-
-/// Shares of the mean square error of all finger joints together.
-fn pooled_shares(parts: &[RemainingError]) -> Option<Vec<f64>> {
-    (0..CAUSES.len()).map(|cause| pooled(parts, |part| part.shares()[cause])).collect()
+    let square = |part: &RemainingError| part.found.rms.powi(2);
+    let whole: f64 = fingers().map(square).sum();
+    let of_cause =
+        |cause: usize| fingers().map(|part| square(part) * part.shares()[cause]).sum::<f64>() / whole;
+    (whole > 0.0).then(|| std::array::from_fn(of_cause))
 }
 
 /// The largest part of the remaining error, in a sentence.
@@ -143,19 +133,6 @@ pub(super) fn in_short(parts: &[RemainingError]) -> Option<String> {
     let (share, phrase) = (percent(share), CAUSES[cause].phrase);
     Some(format!(
         "The largest part of the remaining error, {share} of the fingers' mean square error, {phrase}."
-    ))
-}
-
-/// How much of the fingers' error occurs just after a joint has changed direction, in a sentence.
-fn turning(parts: &[RemainingError]) -> Option<String> {
-    let share = pooled(parts, |part| part.found.turning[0])?;
-    let fingers = || parts.iter().filter(|part| part.joint != RAIL);
-    let time = fingers().map(|part| part.found.turning[1]).sum::<f64>() / fingers().count() as f64;
-    Some(format!(
-        "Of the fingers' mean square error {} occurs within 50 ms after a joint has changed direction, which is {} of the \
-         time. A share far above that of the time indicates backlash, or friction that is larger at rest.",
-        percent(share),
-        percent(time)
     ))
 }
 
@@ -183,17 +160,14 @@ pub(super) fn elements(parts: &[RemainingError], held_out: bool) -> Vec<String> 
     };
     let names = CAUSES.iter().map(|cause| cause.name);
     let columns: Vec<&str> = ["joint", "error"].into_iter().chain(names).chain(["mostly"]).collect();
-    let mut elements = vec![
+    vec![
         paragraph(&format!(
             "Parts of the mean square error after the fit in the {which}, from a regression of simulated minus measured \
              positions on direction of motion (the last direction, where the joint stands), velocity and acceleration of the \
-             simulated joint. The rest is slow where it shows in a moving mean over 50 ms. A part of {} or more is named \
-             with its size.",
+             simulated joint. A part of {} or more is named with its size.",
             percent(DOMINANT)
         )),
         table("Shares of the mean square error after the fit", &columns, parts.iter().map(row).chain(pooled)),
         list(&CAUSES.iter().enumerate().filter_map(meaning).collect::<Vec<_>>()),
-    ];
-    elements.extend(turning(parts).as_deref().map(paragraph));
-    elements
+    ]
 }

@@ -243,7 +243,7 @@ fn a_constant_lag_is_attributed_to_the_direction_of_motion() {
     for row in rows.iter().take(RAIL) {
         // The parameters are the true ones, so the two milliradians remain.
         let size: f64 =
-            row[9].strip_prefix("direction, ").unwrap().strip_suffix(" mrad").unwrap().parse().unwrap();
+            row[8].strip_prefix("direction, ").unwrap().strip_suffix(" mrad").unwrap().parse().unwrap();
         assert!((size - 2.0).abs() < 0.2, "{row:?}");
     }
 }
