@@ -6,12 +6,6 @@
 #[error("{0}")]
 pub struct FitError(pub(crate) String);
 
-impl From<etude_checks::RangeError> for FitError {
-    fn from(error: etude_checks::RangeError) -> Self {
-        Self(error.to_string())
-    }
-}
-
 impl FitError {
     pub(crate) fn new(text: impl Into<String>) -> Self {
         Self(text.into())

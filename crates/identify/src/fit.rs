@@ -111,7 +111,8 @@ impl Fit {
 
     /// Takes the evaluations of the last batch, one a candidate in the order of [`Fit::ask`].
     ///
-    /// Residuals that are not finite (or beyond 1e100) count as a failed evaluation.
+    /// Residuals that are not finite (or beyond 1e100), or of another number than the problem has,
+    /// count as a failed evaluation.
     ///
     /// # Errors
     /// If the evaluations do not match the batch; the fit is unchanged then.
@@ -122,23 +123,11 @@ impl Fit {
             return Err(FitError::new(why));
         }
         let points = self.proposed();
-        let samples = self.problem.samples();
         if points.len() != evaluations.len() {
             let (asked, given) = (points.len(), evaluations.len());
             return Err(FitError(format!(
                 "{given} evaluations were given for {asked} candidates; give one for each candidate, in the order of the batch"
             )));
-        }
-        for (candidate, evaluation) in evaluations.iter().enumerate() {
-            if let Some(residuals) = evaluation
-                && residuals.len() != samples
-            {
-                let given = residuals.len();
-                return Err(FitError(format!(
-                    "candidate {candidate} of the batch has {given} residuals where the problem has {samples}; give one \
-                     residual for each sample of each block, for every candidate"
-                )));
-            }
         }
         let outcomes: Vec<Option<Outcome<'_>>> = evaluations
             .iter()

@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use etude_checks::{POSITIVE, check_range};
 use serde::{Deserialize, Serialize};
 
 use crate::error::FitError;
-use crate::space::{Parameter, Space};
+use crate::space::Space;
 
 /// A residual beyond this counts as a failure: its square and its differences would leave the range
 /// of numbers.
@@ -79,34 +78,14 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// A problem.
+    /// A problem. Blocks have different names, and the parameters influence some of them.
     ///
     /// # Errors
-    /// If blocks, loss and the parameters' influences do not match.
+    /// If there is no residual.
     pub fn new(space: Space, blocks: Vec<Block>, loss: Loss) -> Result<Self, FitError> {
         if blocks.is_empty() || blocks.iter().any(|block| block.samples == 0) {
             let why = "there is no residual; give at least one block with at least one sample";
             return Err(FitError::new(why));
-        }
-        for (index, Block { name, .. }) in blocks.iter().enumerate() {
-            if blocks[..index].iter().any(|other| other.name == *name) {
-                return Err(FitError(format!(
-                    "two blocks of residuals are called `{name}`; give each its own name"
-                )));
-            }
-        }
-        if let Loss::Huber(bend) = loss {
-            check_range("the bend of the Huber loss", bend, POSITIVE)?;
-        }
-        for Parameter { path, influences, .. } in space.parameters() {
-            if let Some(name) = influences.iter().find(|name| blocks.iter().all(|block| block.name != **name))
-            {
-                let names: Vec<&str> = blocks.iter().map(|block| block.name.as_str()).collect();
-                return Err(FitError(format!(
-                    "parameter `{path}` influences block `{name}`, which does not exist; the blocks are: {}",
-                    names.join(", ")
-                )));
-            }
         }
         Ok(Self { space, blocks, loss })
     }

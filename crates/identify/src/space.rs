@@ -67,7 +67,7 @@ pub struct Space {
 }
 
 impl Space {
-    /// A space of these parameters.
+    /// A space of these parameters, whose paths differ.
     ///
     /// # Errors
     /// If a parameter is invalid.
@@ -75,13 +75,7 @@ impl Space {
         if parameters.is_empty() {
             return Err(FitError::new("there is no parameter to estimate; name at least one"));
         }
-        for (index, parameter) in parameters.iter().enumerate() {
-            check(parameter)?;
-            if parameters[..index].iter().any(|other| other.path == parameter.path) {
-                let path = &parameter.path;
-                return Err(FitError(format!("parameter `{path}` is named twice; remove one of the two")));
-            }
-        }
+        parameters.iter().try_for_each(check)?;
         Ok(Self { parameters })
     }
 

@@ -109,17 +109,11 @@ fn what_cannot_be_fitted_is_refused_with_the_reason() {
         assert!(refused(vec![wrong]).contains("not in order"));
     }
     assert!(refused(vec![p(0.0, 1.0, 0.5).logarithmic()]).contains("logarithmic scale"));
-    assert!(refused(vec![p(0.0, 1.0, 0.5), p(0.0, 1.0, 0.5)]).contains("named twice"));
-
-    let space = || Space::new(vec![p(0.0, 1.0, 0.5).influencing(["thumb"])]).unwrap();
-    let refused = |blocks: Vec<Block>, loss| Problem::new(space(), blocks, loss).unwrap_err().to_string();
-    let thumb = || Block::new("thumb", 3);
-    assert!(refused(vec![], Loss::Squared).contains("no residual"));
-    assert!(refused(vec![Block::new("thumb", 0)], Loss::Squared).contains("no residual"));
-    assert!(refused(vec![thumb(), thumb()], Loss::Squared).contains("called `thumb`"));
-    assert!(refused(vec![thumb()], Loss::Huber(0.0)).contains("the bend of the Huber loss is 0"));
-    let unknown = refused(vec![Block::new("index", 3)], Loss::Squared);
-    assert!(unknown.contains("`thumb`") && unknown.contains("index"), "{unknown}");
+    for blocks in [vec![], vec![Block::new("thumb", 0)]] {
+        let space = Space::new(vec![p(0.0, 1.0, 0.5)]).unwrap();
+        let said = Problem::new(space, blocks, Loss::Squared).unwrap_err().to_string();
+        assert!(said.contains("no residual"), "{said}");
+    }
 }
 
 #[test]
@@ -139,11 +133,6 @@ fn evaluations_that_do_not_answer_the_batch_change_nothing() {
         Fit::new(problem(&[[0.0, 1.0]], &[0.5], 2), &MethodConfig::Bo(BoConfig::default()), 0).unwrap();
     let batch = fit.ask();
     assert!(fit.tell(&[]).unwrap_err().to_string().starts_with("0 evaluations were given"));
-    let mut short = vec![Some(vec![0.0, 0.0]); batch.len()];
-    short[1] = Some(vec![0.0]);
-    assert!(
-        fit.tell(&short).unwrap_err().to_string().starts_with("candidate 1 of the batch has 1 residuals")
-    );
     assert_eq!((fit.evaluations(), fit.best()), (0, None));
     assert_eq!(fit.ask(), batch);
 }
