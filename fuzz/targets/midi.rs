@@ -32,11 +32,6 @@ fuzz_target!(|bytes: &[u8]| {
         }
         Err(error) => panic!("{error}"),
     }
-    for warning in song.warnings() {
-        assert!(warning.pitches.len() > 1);
-        assert!(!warning.to_string().is_empty());
-    }
-
     let again = Song::from_midi(&song.to_midi(), "again").unwrap();
     assert!(again.notes().len() <= song.notes().len());
     let drift = (again.duration_secs() - song.duration_secs()).abs();

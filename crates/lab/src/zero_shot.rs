@@ -100,9 +100,8 @@ pub fn easier(
     (best != now).then_some(best)
 }
 
-/// What the hand cannot play of `song` in `task`, a line each: with a fingering, how many notes its
-/// plan leaves out and why; without one, the moments that the fingers cannot reach. A song beyond
-/// the keyboard has no plan, and no line.
+/// What the hand cannot play of `song` in the world of `task`, in a line: how many notes a fingering
+/// leaves out, and why. A song beyond the keyboard has no fingering, and no line.
 ///
 /// # Errors
 /// If the task is not sound.
@@ -111,12 +110,9 @@ pub fn cannot_be_played(
     task: &TaskConfig,
     planner: &mut Planner<'_>,
 ) -> anyhow::Result<Vec<String>> {
-    if !task.fingering {
-        return Ok(song.warnings().iter().map(ToString::to_string).collect());
-    }
     if song.check_range().is_err() {
         return Ok(Vec::new());
     }
-    let piece = planner.plan(song, task)?;
+    let piece = planner.plan(song, &TaskConfig { fingering: true, ..task.clone() })?;
     Ok(piece.fingering().and_then(|fingering| fingering.limits().omissions()).into_iter().collect())
 }

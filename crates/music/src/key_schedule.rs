@@ -11,9 +11,8 @@ use serde::{Deserialize, Serialize};
 use crate::CONTROL_HZ;
 use crate::error::SongError;
 use crate::frames::{FRAME_TOLERANCE, ceil_frame};
-use crate::keys::KeySet;
+use crate::keys::{KeySet, pitch_name};
 use crate::note::Note;
-use crate::reach::{Warning, WarningKind};
 use crate::song::Song;
 
 /// Longest time that a key may be asked to be up before it is struck again, s.
@@ -70,7 +69,7 @@ impl KeyScheduleConfig {
     /// The key schedule of a song after this much silence, which is rounded to whole frames.
     ///
     /// With [`KeyScheduleRule::Articulated`], a note keeps at least half of the frames until its
-    /// key is struck again; [`KeyScheduleConfig::warnings`] lists where the rest is shorter for
+    /// key is struck again; [`KeyScheduleConfig::quick_repeats`] lists where the rest is shorter for
     /// that reason.
     ///
     /// # Errors
@@ -107,9 +106,9 @@ impl KeyScheduleConfig {
         (sounding, in_frames)
     }
 
-    /// The repeated notes that come too soon for the whole rest, in order of time; none with
-    /// [`KeyScheduleRule::Robopianist`].
-    pub fn warnings(&self, song: &Song) -> Vec<Warning> {
+    /// The repeated notes that come too soon for the whole rest, in order of time, a line each; none
+    /// with [`KeyScheduleRule::Robopianist`].
+    pub fn quick_repeats(&self, song: &Song) -> Vec<String> {
         if self.rule == KeyScheduleRule::Robopianist {
             return Vec::new();
         }
@@ -118,16 +117,14 @@ impl KeyScheduleConfig {
         let end_frame = |repeat: &Repeat| nearest_frame(in_frames[repeat.note].end_secs);
         let rest = self.rest_frames();
         let quick = repeats(notes).filter(|repeat| end_frame(repeat) + rest > repeat.first + repeat.frames);
-        let mut warnings: Vec<Warning> = quick
-            .map(|repeat| Warning {
-                kind: WarningKind::QuickRepeat,
-                pitches: vec![notes[repeat.note].pitch],
-                start_secs: notes[repeat.again].start_secs,
-                position: song.position(notes[repeat.again].start_secs),
-            })
-            .collect();
-        warnings.sort_by(|a, b| a.start_secs.total_cmp(&b.start_secs));
-        warnings
+        let mut quick: Vec<&Note> = quick.map(|repeat| &notes[repeat.again]).collect();
+        quick.sort_by(|a, b| a.start_secs.total_cmp(&b.start_secs));
+        let line = |note: &Note| {
+            let (position, name) = (song.position(note.start_secs), pitch_name(note.pitch));
+            let why = "is struck again before the key has been up for long enough";
+            format!("{position} ({:.2} s): {name} {why}", note.start_secs)
+        };
+        quick.into_iter().map(line).collect()
     }
 
     /// Checks the numbers.
@@ -253,7 +250,7 @@ mod tests {
         let legato = song(&[(60, 0.0, 0.4), (62, 0.4, 0.8), (64, 0.6, 1.0)]);
         let schedule = ARTICULATED.schedule(&legato, 0.0).unwrap();
         assert_eq!((schedule.frames, schedule.song), (legato.frames(CONTROL_HZ).unwrap(), legato.clone()));
-        assert_eq!(ARTICULATED.warnings(&legato), []);
+        assert!(ARTICULATED.quick_repeats(&legato).is_empty());
     }
 
     #[test]
@@ -262,12 +259,14 @@ mod tests {
         // Three frames, two, one: the last two cannot be told apart by a key that has to be up in
         // between.
         assert_eq!(frames(ARTICULATED, &quick), "##.#.#..");
-        let warnings = ARTICULATED.warnings(&song(&quick));
-        assert_eq!(warnings.iter().map(|warning| warning.start_secs).collect::<Vec<_>>(), [0.15, 0.25, 0.30]);
-        assert!(warnings[0].to_string().contains("C4"), "{}", warnings[0]);
-        assert_eq!(KeyScheduleConfig::default().warnings(&song(&quick)), []);
+        let named = ARTICULATED.quick_repeats(&song(&quick));
+        assert_eq!(named.len(), 3);
+        for (line, secs) in named.iter().zip(["0.15 s", "0.25 s", "0.30 s"]) {
+            assert!(line.contains(secs) && line.contains("C4"), "{line}");
+        }
+        assert!(KeyScheduleConfig::default().quick_repeats(&song(&quick)).is_empty());
         // Three frames, and the written note leaves two of them for the rest.
-        assert_eq!(ARTICULATED.warnings(&song(&[(60, 0.0, 0.05), (60, 0.15, 0.2)])), []);
+        assert!(ARTICULATED.quick_repeats(&song(&[(60, 0.0, 0.05), (60, 0.15, 0.2)])).is_empty());
     }
 
     #[test]

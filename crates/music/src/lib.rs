@@ -23,18 +23,18 @@
 
 mod density;
 mod error;
+mod file_limits;
 mod frames;
 mod key_schedule;
 mod keys;
-mod limits;
 mod melody;
 mod meter;
 pub mod metrics;
 mod midi;
 pub mod notation;
 mod note;
+mod playability;
 mod range;
-mod reach;
 pub mod repertoire;
 mod resolve;
 mod song;
@@ -44,18 +44,14 @@ mod split;
 
 pub use density::BusiestSecond;
 pub use error::{MidiError, SongError};
+pub use file_limits::{MAX_DURATION_SECS, MAX_NOTES};
 pub use frames::{KeyEvent, ceil_frame, keys_at, notes_from_key_events};
 pub use key_schedule::{KeySchedule, KeyScheduleConfig, KeyScheduleRule, MAX_LATENCY_COMPENSATION_SECS};
 pub use keys::{HIGHEST_PITCH, KEY_COUNT, KeySet, LOWEST_PITCH, key_is_black, pitch_name};
-pub use limits::{MAX_DURATION_SECS, MAX_NOTES};
 pub use melody::melody;
 pub use meter::{BeatGrid, Position};
 pub use note::{Note, chords};
 pub use range::{OffendingNote, OutOfRange};
-pub use reach::{
-    FINGER_LATERAL_RANGE_MM, FINGER_SPACING_MM, PLAYING_FINGERS, WHITE_KEY_PITCH_MM, Warning, WarningKind,
-    key_centre_mm,
-};
 pub use resolve::resolve;
 pub use song::Song;
 pub use spelling::{did_you_mean, similar_names};

@@ -149,6 +149,8 @@ fn show(
     as_json: bool,
 ) -> anyhow::Result<()> {
     let song = find_song(name)?;
+    // Whether or not the policy is shown a fingering, it says what the hand cannot play.
+    let task = &TaskConfig { fingering: true, ..task.clone() };
     frames_csv.iter().try_for_each(|path| check_replaceable(path, "step,due\n"))?;
     reference.iter().try_for_each(|path| check_replaceable(path, "WAVE"))?;
     let fits = song.check_range();
@@ -174,10 +176,7 @@ fn show(
         .busiest_second()
         .map(|second| (second.notes, song.position(second.start_secs), second.start_secs));
     let bars = bars(&song);
-    // The fingering lists its own limits.
-    let hard = if limits.is_some() { Vec::new() } else { song.warnings() };
-    let quick = task.plan.warnings(&song);
-    let warnings: Vec<String> = hard.iter().chain(&quick).map(ToString::to_string).collect();
+    let warnings = task.plan.quick_repeats(&song);
     if as_json {
         print_json(&json!({
             "title": song.title(), "notes": notes, "secs": secs, "frames": frames.len(), "lowest": lowest,

@@ -2,7 +2,7 @@
 
 use super::draw::Draw;
 use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH};
-use crate::reach::{WHITE_KEY_PITCH_MM, key_centre_mm, within_reach};
+use crate::playability::{WHITE_KEY_PITCH_MM, key_centre_mm, within_reach};
 
 /// Widest leap, scale degrees: an octave.
 const MAX_LEAP_DEGREES: usize = 7;

@@ -16,7 +16,7 @@ use std::path::Path;
 use atomic_write_file::AtomicWriteFile;
 
 use crate::error::{MidiError, SongError};
-use crate::limits::MAX_FILE_BYTES;
+use crate::file_limits::MAX_FILE_BYTES;
 use crate::song::Song;
 
 impl Song {

@@ -7,7 +7,7 @@ use midly::{EventIter, MetaMessage, MidiMessage, TrackEventKind};
 use super::chunks::{TrackChunk, split};
 use super::tempo::{Change, Changes};
 use crate::error::MidiError;
-use crate::limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
+use crate::file_limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
 use crate::note::Note;
 use crate::song::Song;
 

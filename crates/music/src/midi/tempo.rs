@@ -2,7 +2,7 @@
 
 use super::chunks::Division;
 use crate::error::MidiError;
-use crate::limits::MAX_TEMPO_CHANGES;
+use crate::file_limits::MAX_TEMPO_CHANGES;
 use crate::meter::{BeatGrid, MeterSegment};
 
 /// Default tempo: 120 quarter notes a minute (Standard MIDI Files 1.0).

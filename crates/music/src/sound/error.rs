@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::limits::MAX_DURATION_SECS;
+use crate::file_limits::MAX_DURATION_SECS;
 
 /// Why notes cannot be rendered or written.
 #[derive(Debug, Error)]

@@ -17,7 +17,7 @@ use samples::sample_at;
 pub use soundfont::SoundFont;
 pub use wav::write_wav;
 
-use crate::limits::MAX_DURATION_SECS;
+use crate::file_limits::MAX_DURATION_SECS;
 use crate::note::Note;
 
 /// What follows the last note, in seconds.
