@@ -94,14 +94,14 @@ pub fn column_groups(config: &TaskConfig) -> impl Iterator<Item = ColumnGroup> {
     let group = |kind, steps, columns| ColumnGroup { kind, steps, columns };
     let is_from_hand = config.view == ObservationView::Hand;
     let width = if is_from_hand { SLOTS } else { KEY_COUNT };
-    let (goals, rail) = (goal_columns(config) * FINGERS, rail_columns(config));
+    let goals = goal_columns(config) * FINGERS;
     let ahead = 0..=config.lookahead;
     let joints = 0..=usize::from(config.previous_joints);
     joints
         .map(move |ago| group(Joints, ago, DRIVEN_JOINTS))
         .chain((1..=config.previous_actions).map(move |ago| group(Action, ago, ACTION_LEN)))
         .chain(config.fingering.then(|| group(Goals, 0, goals)))
-        .chain(is_from_hand.then(|| group(Places, 0, rail)))
+        .chain(is_from_hand.then(|| group(Places, 0, config.lookahead + 1)))
         .chain([group(Sounding, 0, width)])
         .chain(ahead.clone().map(move |ahead| group(Due, ahead, width)))
         .chain(is_from_hand.then(|| group(Black, 0, width)))
@@ -121,23 +121,6 @@ pub fn layout(config: &TaskConfig) -> ObservationLayout {
         *(if group.kind.is_binary() { &mut layout.binary } else { &mut layout.real }) += group.columns;
         layout
     })
-}
-
-/// Columns of the rail's planned positions.
-fn rail_columns(config: &TaskConfig) -> usize {
-    match config.view {
-        ObservationView::Keyboard => 0,
-        ObservationView::Hand => config.lookahead + 1,
-    }
-}
-
-/// Columns of the keys: those that are down, those due in each step and, seen from the hand, which
-/// of the slots have a black key.
-fn key_columns(config: &TaskConfig) -> usize {
-    match config.view {
-        ObservationView::Keyboard => KEY_COUNT * (config.lookahead + 2),
-        ObservationView::Hand => SLOTS * (config.lookahead + 3),
-    }
 }
 
 /// Writes an observation of [`layout`]'s length: `joints` (encoder readings) and those of one
@@ -165,53 +148,57 @@ pub fn observe(
     step: usize,
     out: &mut [f32],
 ) {
-    let (real, binary) = out.split_at_mut(layout(config).real);
-    let (halves, real) =
-        real.split_at_mut(if config.previous_joints { 2 * DRIVEN_JOINTS } else { DRIVEN_JOINTS });
-    let (actions, real) = real.split_at_mut(config.previous_actions * ACTION_LEN);
-    let (tips, rail_ahead) = real.split_at_mut(real.len() - rail_columns(config));
     let from_hand = config.view == ObservationView::Hand;
     let rail = if from_hand { piece.planned_rail(step) } else { 0.0 };
     let window = Window::around(rail);
-    for (half, readings) in halves.chunks_exact_mut(DRIVEN_JOINTS).zip([joints, &history.joints]) {
-        for (joint, column) in half.iter_mut().enumerate() {
-            let origin = if joint == RAIL { rail } else { 0.0 };
-            *column = scaled(config.scale, joint, readings[joint] - origin);
-        }
-    }
-    for (ahead, column) in rail_ahead.iter_mut().enumerate() {
-        let distance = match ahead {
-            0 => window.off_middle(rail),
-            _ => (piece.planned_rail(step + ahead) - rail) / WHITE_PITCH,
-        };
-        *column = distance.clamp(-MAX_DISTANCE_KEYS, MAX_DISTANCE_KEYS) as f32;
-    }
-    for (columns, action) in actions.chunks_exact_mut(ACTION_LEN).zip(&history.actions) {
-        columns.copy_from_slice(action);
-    }
-    let goals = piece.goals(step);
-    for (finger, (columns, goal)) in tips.chunks_exact_mut(goal_columns(config)).zip(goals).enumerate() {
-        let (position, velocity) = columns.split_at_mut(GOAL_COLUMNS);
-        let relative = goal.map_or([0.0, 0.0, 1.0], |goal| from_goal(config, joints, finger, &goal));
-        position.copy_from_slice(&relative);
-        velocity.fill(goal.map_or(0.0, |goal| f32::from(goal.velocity) / 127.0));
-    }
-    binary.fill(0.0);
-    let (keys, playing) = binary.split_at_mut(key_columns(config));
-    let width = if from_hand { SLOTS } else { KEY_COUNT };
-    for (index, columns) in keys.chunks_exact_mut(width).enumerate() {
-        let keys = if index == 0 { pressed } else { piece.due(step + index - 1) };
-        if from_hand && index == config.lookahead + 2 {
-            window.show((0..KEY_COUNT).filter(|key| key_is_black(*key)), columns);
-        } else if from_hand {
+    let show = |keys: KeySet, columns: &mut [f32]| {
+        if from_hand {
             window.show(keys.iter(), columns);
         } else {
             keys.iter().for_each(|key| columns[key] = 1.0);
         }
-    }
-    for (ahead, columns) in playing.chunks_exact_mut(FINGERS).enumerate() {
-        for (column, goal) in columns.iter_mut().zip(piece.goals(step + ahead)) {
-            *column = f32::from(u8::from(goal.is_some_and(|goal| goal.sounds())));
+    };
+    out.fill(0.0);
+    let mut rest = out;
+    for ColumnGroup { kind, steps, columns } in column_groups(config) {
+        let (columns, others) = rest.split_at_mut(columns);
+        rest = others;
+        match kind {
+            ColumnKind::Joints => {
+                let readings = if steps == 0 { joints } else { &history.joints };
+                for (joint, column) in columns.iter_mut().enumerate() {
+                    let origin = if joint == RAIL { rail } else { 0.0 };
+                    *column = scaled(config.scale, joint, readings[joint] - origin);
+                }
+            }
+            ColumnKind::Action => columns.copy_from_slice(&history.actions[steps - 1]),
+            ColumnKind::Goals => {
+                let columns = columns.chunks_exact_mut(goal_columns(config));
+                for (finger, (columns, goal)) in columns.zip(piece.goals(step)).enumerate() {
+                    let (position, velocity) = columns.split_at_mut(GOAL_COLUMNS);
+                    let relative =
+                        goal.map_or([0.0, 0.0, 1.0], |goal| from_goal(config, joints, finger, &goal));
+                    position.copy_from_slice(&relative);
+                    velocity.fill(goal.map_or(0.0, |goal| f32::from(goal.velocity) / 127.0));
+                }
+            }
+            ColumnKind::Places => {
+                for (ahead, column) in columns.iter_mut().enumerate() {
+                    let distance = match ahead {
+                        0 => window.off_middle(rail),
+                        _ => (piece.planned_rail(step + ahead) - rail) / WHITE_PITCH,
+                    };
+                    *column = distance.clamp(-MAX_DISTANCE_KEYS, MAX_DISTANCE_KEYS) as f32;
+                }
+            }
+            ColumnKind::Sounding => show(pressed, columns),
+            ColumnKind::Due => show(piece.due(step + steps), columns),
+            ColumnKind::Black => window.show((0..KEY_COUNT).filter(|key| key_is_black(*key)), columns),
+            ColumnKind::Playing => {
+                for (column, goal) in columns.iter_mut().zip(piece.goals(step + steps)) {
+                    *column = f32::from(u8::from(goal.is_some_and(|goal| goal.sounds())));
+                }
+            }
         }
     }
 }
