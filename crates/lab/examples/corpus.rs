@@ -78,7 +78,7 @@ fn main() -> anyhow::Result<()> {
     );
 
     let limits: Vec<_> =
-        pieces.iter().filter_map(Piece::fingering).map(|fingering| fingering.limits()).collect();
+        pieces.iter().filter_map(Piece::fingering).map(|fingering| fingering.unplayed()).collect();
     let skipped: usize = limits.iter().map(|limits| limits.omitted().count()).sum();
     let early: usize = limits.iter().map(|limits| limits.notes.len()).sum::<usize>() - skipped;
     let lost: usize = limits.iter().map(|limits| limits.lost_steps()).sum();

@@ -85,7 +85,7 @@ impl CorrectionFile {
                 self.policy.display()
             );
         }
-        pianist.config.task.plan.latency_compensation_secs = self.latency_compensation_secs;
+        pianist.config.task.key_schedule.latency_compensation_secs = self.latency_compensation_secs;
         Ok(pianist)
     }
 }

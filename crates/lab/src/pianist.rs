@@ -33,7 +33,7 @@ impl Ready {
     pub(crate) fn limits(&self) -> Option<String> {
         match self {
             Self::Policy(_) => None,
-            Self::Scripted(baseline) => Some(baseline.limits().to_string()),
+            Self::Scripted(baseline) => Some(baseline.unplayed().to_string()),
         }
     }
 }

@@ -40,7 +40,7 @@ pub fn predict_zero_shot(
     } else {
         planner.plan(song, &TaskConfig { change_steps, ..task.clone() }).ok()?
     };
-    let limits = piece.fingering()?.limits();
+    let limits = piece.fingering()?.unplayed();
     let frames = piece.frames();
     let new = |keys: &[KeySet]| keys[1].iter().any(|key| !keys[0].contains(key));
     let onsets = frames.windows(2).filter(|keys| new(keys)).count();
@@ -78,7 +78,7 @@ pub fn easier(
     piece: &Piece,
     planner: &mut Planner<'_>,
 ) -> Option<Arrangement> {
-    let skipped = |piece: &Piece| Some(piece.fingering()?.limits().omitted().count());
+    let skipped = |piece: &Piece| Some(piece.fingering()?.unplayed().omitted().count());
     let now =
         Arrangement { stretch: 1.0, melody: false, notes: song.notes().len(), left_out: skipped(piece)? };
     let share = |it: &Arrangement| it.left_out as f64 / it.notes.max(1) as f64;
@@ -114,5 +114,5 @@ pub fn cannot_be_played(
         return Ok(Vec::new());
     }
     let piece = planner.plan(song, &TaskConfig { fingering: true, ..task.clone() })?;
-    Ok(piece.fingering().and_then(|fingering| fingering.limits().omissions()).into_iter().collect())
+    Ok(piece.fingering().and_then(|fingering| fingering.unplayed().omissions()).into_iter().collect())
 }

@@ -51,7 +51,7 @@ fn table(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
             frame.recall,
             note.onset_f1,
             performance.simulation.unwrap_or_default().collision_free,
-            player.limits()
+            player.unplayed()
         );
     }
     Ok(())
@@ -59,7 +59,7 @@ fn table(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
 
 fn detail(config: &TaskConfig, id: &str) -> Result<(), Box<dyn Error>> {
     let (player, performance) = play(config, id)?;
-    for limit in &player.limits().notes {
+    for limit in &player.unplayed().notes {
         println!("{limit}");
     }
     for (step, (due, pressed)) in performance.piece.frames().iter().zip(&performance.pressed).enumerate() {

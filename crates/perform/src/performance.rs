@@ -212,7 +212,7 @@ mod tests {
         let song = repertoire::get("twinkle").expect("built in");
         for latency_compensation_secs in [0.025, 0.03, 0.049, 0.051, 0.074, 0.076, 0.11, 0.2] {
             let task = TaskConfig {
-                plan: KeyScheduleConfig { latency_compensation_secs, ..KeyScheduleConfig::default() },
+                key_schedule: KeyScheduleConfig { latency_compensation_secs, ..KeyScheduleConfig::default() },
                 ..TaskConfig::default()
             };
             let piece = Piece::for_task(&song, &task).unwrap();
@@ -237,7 +237,7 @@ mod tests {
             );
         }
         let early = TaskConfig {
-            plan: KeyScheduleConfig { latency_compensation_secs: 0.01, ..KeyScheduleConfig::default() },
+            key_schedule: KeyScheduleConfig { latency_compensation_secs: 0.01, ..KeyScheduleConfig::default() },
             ..TaskConfig::default()
         };
         assert_eq!(Piece::for_task(&song, &early).unwrap().late_secs(), 0.0);

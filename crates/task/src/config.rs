@@ -54,7 +54,10 @@ pub struct TaskConfig {
     pub randomisation: RandomisationConfig,
     /// When keys are due: how repeated keys are let go, and how early commands are sent. The
     /// default is RoboPianist's rule, which the paper uses.
-    pub plan: KeyScheduleConfig,
+    ///
+    /// Its key is `task.plan`, which the headers of policies hold.
+    #[serde(rename = "plan")]
+    pub key_schedule: KeyScheduleConfig,
     /// Silence before the first note, s.
     pub initial_silence_secs: f64,
     /// Control steps of the song that the observation shows beyond the current one.
@@ -100,7 +103,7 @@ impl Default for TaskConfig {
             physics: BTreeMap::new(),
             reward: BTreeMap::new(),
             randomisation: RandomisationConfig::default(),
-            plan: KeyScheduleConfig::default(),
+            key_schedule: KeyScheduleConfig::default(),
             initial_silence_secs: 1.0,
             lookahead: 5,
             previous_joints: true,
@@ -150,7 +153,7 @@ impl TaskConfig {
         for (name, value, range) in ranges {
             check_range(format!("task.{name}"), value, range)?;
         }
-        self.plan.check()?;
+        self.key_schedule.check()?;
         let weighs = |term: &&&str| self.reward.get(**term).is_some_and(|weight| *weight != 0.0);
         let needs_fingering = [
             (self.finger_range > 0.0).then_some("task.finger_range is around the poses of"),

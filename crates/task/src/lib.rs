@@ -15,7 +15,6 @@ mod error;
 pub mod fingering;
 mod observation;
 mod piece;
-mod planning;
 mod player;
 mod randomise;
 mod range;

@@ -112,7 +112,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     let task = etude_lab::resolve("fast", Some(&report.file), &[])?.task;
     let silences = shortest_silences(&task.stage, &task.params()?)?;
-    line(format!("{:<18} {}", "repeated keys", restrike(silences, &task.plan)))?;
+    line(format!("{:<18} {}", "repeated keys", restrike(silences, &task.key_schedule)))?;
     line(format!("The simulator as identified is {}", report.file.display()))?;
     Ok(Ending::Done)
 }

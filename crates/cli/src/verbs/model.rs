@@ -96,16 +96,16 @@ fn lags(task: &TaskConfig, as_json: bool) -> anyhow::Result<()> {
         line(format!("{what:52} {:>10} {:>10}", cell(white), cell(black)))?;
     }
     line(format!("{:52} {:>10}", "lag of a finger joint behind its target", cell(Some(lags.follow_secs))))?;
-    line(restrike(silences, &task.plan))
+    line(restrike(silences, &task.key_schedule))
 }
 
 /// Whether the key schedule leaves the silence that the hand needs to strike a key again.
-pub(super) fn restrike(silences: [Option<f64>; 2], plan: &KeyScheduleConfig) -> String {
+pub(super) fn restrike(silences: [Option<f64>; 2], schedule: &KeyScheduleConfig) -> String {
     let [Some(white), Some(black)] = silences else {
         return "In this world the hand cannot strike every key again within a second".into();
     };
     let secs = |frames: usize| frames as f64 / CONTROL_HZ;
-    let planned = plan.rest_frames();
+    let planned = schedule.rest_frames();
     let needed = ceil_frame(white.max(black) * CONTROL_HZ);
     let silence = format!("A key is silent for {:.0} ms before it is struck again", 1e3 * secs(planned));
     if needed <= planned {

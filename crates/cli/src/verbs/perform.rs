@@ -138,7 +138,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if args.json {
         print_json(&report)?;
     } else {
-        print(&report, f1_name(pianist.config.task.plan.rule))?;
+        print(&report, f1_name(pianist.config.task.key_schedule.rule))?;
     }
     match report.runs.last().map(|run| &run.ending) {
         Some(Played::Fault(fault)) => anyhow::bail!(

@@ -7,7 +7,7 @@ use clap::ValueHint;
 use etude_lab::{Arrangement, ZeroShot, easier, find_song, policies, predict_zero_shot};
 use etude_music::{CONTROL_HZ, Note, Song, Split, chords, melody, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
-use etude_task::fingering::Limit;
+use etude_task::fingering::UnplayedNote;
 use etude_task::{Piece, TaskConfig};
 use serde_json::json;
 
@@ -160,8 +160,8 @@ fn show(
     let zero_shot = piece.as_ref().and_then(|piece| predict_zero_shot(&song, task, piece, &mut planner));
     let arrangement = piece.as_ref().and_then(|piece| easier(&song, task, piece, &mut planner));
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
-    let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());
-    let position_of = |limit: &Limit| {
+    let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.unplayed());
+    let position_of = |limit: &UnplayedNote| {
         // Control steps are rounded: the nearest note of this key is meant.
         let away = |note: &&Note| (note.start_secs + silence - limit.secs()).abs();
         let same = song.notes().iter().filter(|note| pitch_name(note.pitch) == limit.note());
@@ -176,7 +176,7 @@ fn show(
         .busiest_second()
         .map(|second| (second.notes, song.position(second.start_secs), second.start_secs));
     let bars = bars(&song);
-    let warnings = task.plan.quick_repeats(&song);
+    let warnings = task.key_schedule.quick_repeats(&song);
     if as_json {
         print_json(&json!({
             "title": song.title(), "notes": notes, "secs": secs, "frames": frames.len(), "lowest": lowest,

@@ -101,7 +101,7 @@ fn ignore_broken_pipe(printed: anyhow::Result<()>) -> anyhow::Result<()> {
 fn announce(run: &Run, args: &Args, folder: &Path, planner: &mut Planner<'_>) -> anyhow::Result<()> {
     if let Some(song) = run.song() {
         let task = &run.config().task;
-        let quick = task.plan.quick_repeats(song);
+        let quick = task.key_schedule.quick_repeats(song);
         let hard = cannot_be_played(song, task, planner)?;
         for warning in hard.into_iter().chain(quick) {
             note(format!("warning: {warning}"));

@@ -326,7 +326,7 @@ impl Adaptation<'_> {
 
     /// The latency compensation of a run, s.
     fn latency_compensation_secs(&self, played: &Played) -> f64 {
-        played.latency_compensation_secs.unwrap_or(self.pianist.config.task.plan.latency_compensation_secs)
+        played.latency_compensation_secs.unwrap_or(self.pianist.config.task.key_schedule.latency_compensation_secs)
     }
 
     /// Writes the correction of a run for `etude perform`, and returns its file.
@@ -355,7 +355,7 @@ impl Adaptation<'_> {
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<RobotReport> {
         let mut pianist = self.pianist.clone();
-        pianist.config.task.plan.latency_compensation_secs = self.latency_compensation_secs(played);
+        pianist.config.task.key_schedule.latency_compensation_secs = self.latency_compensation_secs(played);
         let play = RobotPlay {
             song: self.song,
             pianist: &pianist,

@@ -216,7 +216,7 @@ mod tests {
         // RoboPianist's rule and on its time, keys with one contact, and the main text's five
         // reward terms.
         let config = resolve("paper", None, &[]).unwrap().complete();
-        let (task, plan) = (&config.task, &config.task.plan);
+        let (task, plan) = (&config.task, &config.task.key_schedule);
         assert_eq!(
             (plan.rule, plan.latency_compensation_secs),
             (etude_music::KeyScheduleRule::Robopianist, 0.0)

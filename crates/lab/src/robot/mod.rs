@@ -164,7 +164,7 @@ fn play_on_time(
     let latency_compensation_secs = measured.on_time_compensation_secs();
     job.report(&RobotStep::LagMeasured { run: run.clone(), latency_compensation_secs });
     let mut pianist = play.pianist.clone();
-    pianist.config.task.plan.latency_compensation_secs =
+    pianist.config.task.key_schedule.latency_compensation_secs =
         latency_compensation_secs.unwrap_or(measured.latency_compensation_secs);
     let piece = planner.plan(play.song, &pianist.config.task)?;
     play_runs(&RobotPlay { pianist: &pianist, ..play.clone() }, &piece, folder, planner, job)
@@ -257,7 +257,7 @@ fn play_runs(
         robot_f1,
         robot_f1_std,
         gap: gap(sim_f1, robot_f1),
-        latency_compensation_secs: task.plan.latency_compensation_secs,
+        latency_compensation_secs: task.key_schedule.latency_compensation_secs,
         lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
         notes: MeanNotes::of(piece.notes().len(), &counted),
         only_measuring: false,

@@ -7,7 +7,7 @@
 
 mod goal;
 pub(crate) mod hand_reach;
-mod limits;
+mod unplayed_notes;
 mod planner;
 mod poses;
 pub(crate) mod rail_model;
@@ -17,9 +17,9 @@ use etude_stage::{PHYSICS_STEPS, PhysicalParams, StageConfig};
 
 pub use goal::{AHEAD_STEPS, Goal, Goals};
 use hand_reach::HandReach;
-pub use limits::{Limit, LimitKind, Limits};
+pub use unplayed_notes::{Reason, UnplayedNote, UnplayedNotes};
 pub use planner::PlayedNote;
-use planner::{HandState, Planner};
+use planner::{FingeringPlanner, HandState};
 pub use poses::{FingerAngles, Poses};
 use rail_model::RailModel;
 pub use strokes::Strokes;
@@ -30,7 +30,7 @@ pub struct Fingering {
     notes: Vec<PlayedNote>,
     rail: Vec<f64>,
     goals: Vec<Goals>,
-    limits: Limits,
+    unplayed: UnplayedNotes,
     poses: Option<Poses>,
     rail_range: f64,
 }
@@ -48,13 +48,13 @@ impl Fingering {
     ) -> Self {
         let reach = HandReach::new(stage.side, params);
         let rail = RailModel::new(stage, params);
-        let planner = Planner::new(&reach, &rail, strokes, change_steps);
+        let planner = FingeringPlanner::new(&reach, &rail, strokes, change_steps);
         let states = planner.plan(on_progress);
         let notes = planner.played(&states);
-        let limits = planner.limits(&notes);
+        let unplayed = planner.unplayed(&notes);
         let rail = rail_targets(&planner, &states, &notes, strokes.steps);
         let goals = goals(&reach, &notes, strokes.steps);
-        Self { notes, rail, goals, limits, poses: None, rail_range: 0.0 }
+        Self { notes, rail, goals, unplayed, poses: None, rail_range: 0.0 }
     }
 
     /// The same with targets of the rail so far from its planned position, m.
@@ -106,14 +106,14 @@ impl Fingering {
     }
 
     /// The notes that are not played as written.
-    pub fn limits(&self) -> &Limits {
-        &self.limits
+    pub fn unplayed(&self) -> &UnplayedNotes {
+        &self.unplayed
     }
 }
 
 /// Target of the rail at each of `steps` control steps, m. The rail leaves as early as the keys
 /// that are held allow, some steps before the release.
-fn rail_targets(planner: &Planner<'_>, states: &[HandState], notes: &[PlayedNote], steps: usize) -> Vec<f64> {
+fn rail_targets(planner: &FingeringPlanner<'_>, states: &[HandState], notes: &[PlayedNote], steps: usize) -> Vec<f64> {
     let Some(first) = states.first() else { return vec![0.0; steps] };
     let mut targets = vec![first.rail; steps];
     for (onset, pair) in planner.onsets.iter().zip(states.windows(2)) {

@@ -13,7 +13,7 @@ use etude_stage::FINGERS;
 use etude_stage::geometry::HALF_WIDTH;
 
 use super::hand_reach::{HandReach, LATERAL_REACH_M, TURN_FIRST_M};
-use super::limits::{Limit, LimitKind, Limits};
+use super::unplayed_notes::{Reason, UnplayedNote, UnplayedNotes};
 use super::rail_model::RailModel;
 use super::strokes::{Onset, Stroke, Strokes};
 
@@ -75,7 +75,7 @@ struct Transition {
 }
 
 /// The song, and the models of hand and rail.
-pub(super) struct Planner<'a> {
+pub(super) struct FingeringPlanner<'a> {
     reach: &'a HandReach,
     pub rail: &'a RailModel,
     strokes: &'a [Stroke],
@@ -86,7 +86,7 @@ pub(super) struct Planner<'a> {
     change_steps: usize,
 }
 
-impl<'a> Planner<'a> {
+impl<'a> FingeringPlanner<'a> {
     pub(super) fn new(
         reach: &'a HandReach,
         rail: &'a RailModel,
@@ -275,10 +275,10 @@ impl<'a> Planner<'a> {
     }
 
     /// Why a stroke of an onset is played by no finger, where others are as `played`.
-    fn why_skipped(&self, stroke: &Stroke, onset: &Onset, played: &[PlayedNote]) -> LimitKind {
+    fn why_skipped(&self, stroke: &Stroke, onset: &Onset, played: &[PlayedNote]) -> Reason {
         let all = onset.sounding.len();
         if all > FINGERS {
-            return LimitKind::TooManyKeys;
+            return Reason::TooManyKeys;
         }
         let together = self.hands(&onset.sounding).iter().any(|hand| {
             let [low, high] = self.rail_interval(hand);
@@ -286,10 +286,10 @@ impl<'a> Planner<'a> {
         });
         let nearest = played.iter().min_by_key(|note| note.start.abs_diff(stroke.start));
         match nearest.filter(|note| together && note.key != stroke.key) {
-            None => LimitKind::OutOfReach,
+            None => Reason::OutOfReach,
             Some(note) => {
                 let [from, to] = [note.key, stroke.key].map(|key| self.reach.over(key)[1]);
-                LimitKind::TooFar(note.key, (from - to).abs())
+                Reason::TooFar(note.key, (from - to).abs())
             }
         }
     }
@@ -319,9 +319,9 @@ impl<'a> Planner<'a> {
                 };
                 let needed = rail_steps.max(finger_steps[finger]);
                 let kind = match needed {
-                    0 => LimitKind::HandNeeded,
-                    _ if rail_steps >= finger_steps[finger] => LimitKind::RailTooSlow(travel),
-                    _ => LimitKind::FingerBusy,
+                    0 => Reason::HandNeeded,
+                    _ if rail_steps >= finger_steps[finger] => Reason::RailTooSlow(travel),
+                    _ => Reason::FingerBusy,
                 };
                 let end = note.end.min(step.saturating_sub(needed)).max(note.start + 1);
                 if end < note.end {
@@ -334,11 +334,11 @@ impl<'a> Planner<'a> {
     }
 
     /// The notes that are not played as written.
-    pub(super) fn limits(&self, played: &[PlayedNote]) -> Limits {
+    pub(super) fn unplayed(&self, played: &[PlayedNote]) -> UnplayedNotes {
         // Keys that are due without a note are made by tests only.
         let total_notes = self.written.max(self.strokes.len());
         let merged_notes = total_notes - self.strokes.len();
-        let mut limits = Limits { total_notes, merged_notes, ..Limits::default() };
+        let mut unplayed = UnplayedNotes { total_notes, merged_notes, ..UnplayedNotes::default() };
         for (index, stroke) in self.strokes.iter().enumerate() {
             let note = played.iter().find(|note| note.stroke == index);
             let onset = self.onsets.iter().find(|onset| onset.start == stroke.start);
@@ -348,7 +348,7 @@ impl<'a> Planner<'a> {
             };
             if let Some(kind) = kind {
                 let lost_steps = stroke.end - note.map_or(stroke.start, |note| note.end);
-                limits.notes.push(Limit { kind, key: stroke.key, step: stroke.start, lost_steps });
+                unplayed.notes.push(UnplayedNote { kind, key: stroke.key, step: stroke.start, lost_steps });
             }
         }
         let is_quick_restrike = |note: &&PlayedNote| {
@@ -356,8 +356,8 @@ impl<'a> Planner<'a> {
                 |other: &&PlayedNote| other.finger == note.finger && other.end + 1 == note.start;
             played.iter().find(ends_before).is_some_and(|before| before.key == note.key)
         };
-        limits.quick_restrikes = played.iter().filter(is_quick_restrike).count();
-        limits
+        unplayed.quick_restrikes = played.iter().filter(is_quick_restrike).count();
+        unplayed
     }
 }
 
@@ -375,6 +375,6 @@ pub struct PlayedNote {
     /// Its MIDI velocity.
     pub velocity: u8,
     /// Why it ends early, if it does.
-    pub cut: Option<LimitKind>,
+    pub cut: Option<Reason>,
     pub(super) stroke: usize,
 }

@@ -16,7 +16,7 @@ pub use lags::{Lags, shortest_silences};
 
 use crate::fingering::hand_reach::HandReach;
 use crate::fingering::rail_model::RailModel;
-use crate::fingering::{Fingering, Limits};
+use crate::fingering::{Fingering, UnplayedNotes};
 use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 
 /// A song as joint targets, one row for each control step.
@@ -24,7 +24,7 @@ use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 pub struct ScriptedBaseline {
     targets: Vec<[f64; DRIVEN_JOINTS]>,
     range: TargetRange,
-    limits: Limits,
+    unplayed: UnplayedNotes,
 }
 
 impl ScriptedBaseline {
@@ -55,7 +55,7 @@ impl ScriptedBaseline {
         let rail = RailModel::new(stage, params);
         let lags = Lags::measure(stage, params)?;
         let targets = motion::targets((&reach, &rail, &lags, params), &fingering);
-        Ok(Self { targets, range: TargetRange::new(piece), limits: fingering.limits().clone() })
+        Ok(Self { targets, range: TargetRange::new(piece), unplayed: fingering.unplayed().clone() })
     }
 
     /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end,
@@ -70,7 +70,7 @@ impl ScriptedBaseline {
     }
 
     /// The notes that are not played as written.
-    pub fn limits(&self) -> &Limits {
-        &self.limits
+    pub fn unplayed(&self) -> &UnplayedNotes {
+        &self.unplayed
     }
 }

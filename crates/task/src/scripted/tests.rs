@@ -2,7 +2,7 @@ use etude_music::{Note, Song, repertoire};
 use etude_stage::joint_range;
 
 use super::*;
-use crate::fingering::LimitKind;
+use crate::fingering::Reason;
 
 fn piece(id: &str) -> Piece {
     Piece::new(&repertoire::get(id).unwrap(), 1.0).unwrap()
@@ -48,23 +48,23 @@ fn every_target_lies_in_its_range() {
 #[test]
 fn what_cannot_be_reached_is_reported() {
     for (chord, kind, skipped) in [
-        (&[36, 84][..], LimitKind::OutOfReach, 1),
-        (&[60, 61], LimitKind::OutOfReach, 1),
-        (&[60, 62, 64, 65, 67], LimitKind::TooManyKeys, 2),
-        (&[60, 64, 67], LimitKind::OutOfReach, 0),
+        (&[36, 84][..], Reason::OutOfReach, 1),
+        (&[60, 61], Reason::OutOfReach, 1),
+        (&[60, 62, 64, 65, 67], Reason::TooManyKeys, 2),
+        (&[60, 64, 67], Reason::OutOfReach, 0),
     ] {
         let player = ScriptedBaseline::new(&TaskConfig::default(), &chords(&[chord])).unwrap();
-        let found: Vec<_> = player.limits().omitted().map(|limit| limit.kind).collect();
-        assert!(found.len() >= skipped && found.len() < chord.len(), "{chord:?}: {}", player.limits());
-        assert!(found.iter().all(|found| *found == kind), "{chord:?}: {}", player.limits());
+        let found: Vec<_> = player.unplayed().omitted().map(|limit| limit.kind).collect();
+        assert!(found.len() >= skipped && found.len() < chord.len(), "{chord:?}: {}", player.unplayed());
+        assert!(found.iter().all(|found| *found == kind), "{chord:?}: {}", player.unplayed());
     }
 }
 
 #[test]
 fn a_jump_across_the_keyboard_is_reported() {
     let player = ScriptedBaseline::new(&TaskConfig::default(), &chords(&[&[36], &[84]])).unwrap();
-    let [limit] = player.limits().notes[..] else { panic!("{}", player.limits()) };
-    assert!(matches!(limit.kind, LimitKind::RailTooSlow(travel) if travel > 0.5), "{limit}");
+    let [limit] = player.unplayed().notes[..] else { panic!("{}", player.unplayed()) };
+    assert!(matches!(limit.kind, Reason::RailTooSlow(travel) if travel > 0.5), "{limit}");
     assert_eq!(limit.key, 0);
     assert!(limit.to_string().contains("C2 at 1.00 s is 0.80 s shorter"), "{limit}");
 }

@@ -159,7 +159,7 @@ fn a_melody_is_not_left_out_for_one_long_note_below_it() {
     let above = above.map(|(beat, pitch)| note(pitch, 0.5 * beat as f64, 0.5 * beat as f64 + 0.45));
     let notes: Vec<Note> = std::iter::once(note(48, 0.0, 6.0)).chain(above).collect();
     let piece = Piece::for_task(&Song::new("", notes, 0.0).unwrap(), &with_fingering()).unwrap();
-    let skipped: Vec<usize> = piece.fingering().unwrap().limits().omitted().map(|note| note.key).collect();
+    let skipped: Vec<usize> = piece.fingering().unwrap().unplayed().omitted().map(|note| note.key).collect();
     assert_eq!(skipped, [48 - 36], "the bass alone");
     // Two voices in parallel, too far apart: the upper one is played.
     let two = melody.into_iter().enumerate().flat_map(|(beat, pitch)| {
@@ -188,7 +188,7 @@ fn a_rail_that_starts_late_is_sent_earlier_and_loses_no_notes() {
                 "{left:?}: the rail is not sent away {lead_steps} steps before"
             );
         }
-        fingering.limits().lost_steps()
+        fingering.unplayed().lost_steps()
     };
     let punctual = lost(0.0, 2);
     assert!(punctual > 0, "the rail has to hurry in this song");
@@ -203,7 +203,7 @@ fn keys_are_held_while_they_are_due_and_some_are_left_early() {
     assert!(steps().all(|step| piece.held(step).difference(piece.due(step)).is_empty()));
     let early: usize = steps().map(|step| piece.due(step).difference(piece.held(step)).len()).sum();
     // Each is left one step later than the plan says.
-    let lost = piece.fingering().unwrap().limits().notes.iter().map(|note| note.lost_steps - 1);
+    let lost = piece.fingering().unwrap().unplayed().notes.iter().map(|note| note.lost_steps - 1);
     assert!(early > 0);
     assert_eq!(early, lost.sum::<usize>());
     // Without a fingering nobody leaves early.
@@ -224,7 +224,7 @@ fn a_finger_that_changes_keys_in_fewer_steps_holds_them_longer() {
             notes.windows(2).map(|two| two[1].start - two[0].end).min()
         };
         let shortest = (0..FINGERS).filter_map(of_a_finger).min().unwrap();
-        (shortest, fingering.limits().lost_steps())
+        (shortest, fingering.unplayed().lost_steps())
     };
     let [one, two, three] = [1, 2, 3].map(gaps);
     assert_eq!([one.0, two.0, three.0], [1, 2, 3]);
@@ -238,7 +238,7 @@ fn a_strike_past_a_neighbour_costs_a_little_less_than_a_note_that_ends_early() {
     let lost = |song: &str| {
         let song = repertoire::get(song).expect("built in");
         let piece = Piece::for_task(&song, &TaskConfig { change_steps: 2, ..with_fingering() }).unwrap();
-        piece.fingering().unwrap().limits().lost_steps()
+        piece.fingering().unwrap().unplayed().lost_steps()
     };
     // With the two at the same cost it is 14: longer moves of the rail, and no finger in another's
     // way.

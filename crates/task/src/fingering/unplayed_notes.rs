@@ -8,7 +8,7 @@ use super::rail_model::CONTROL_SECS;
 
 /// Why something is not played as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum LimitKind {
+pub enum Reason {
     /// More keys at once than fingers: the note is omitted.
     TooManyKeys,
     /// No position of the hand reaches these keys together, or none in time: the note is omitted.
@@ -24,7 +24,7 @@ pub enum LimitKind {
     FingerBusy,
 }
 
-impl LimitKind {
+impl Reason {
     /// Whether the note is omitted.
     fn omits(self) -> bool {
         matches!(self, Self::TooManyKeys | Self::OutOfReach | Self::TooFar(..))
@@ -33,9 +33,9 @@ impl LimitKind {
 
 /// One note that is not played as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limit {
+pub struct UnplayedNote {
     /// Why.
-    pub kind: LimitKind,
+    pub kind: Reason,
     /// The key (0 is the lowest C).
     pub key: usize,
     /// Control step at which the note should begin.
@@ -46,9 +46,9 @@ pub struct Limit {
 
 /// All notes that are not played as written, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Limits {
+pub struct UnplayedNotes {
     /// The notes.
-    pub notes: Vec<Limit>,
+    pub notes: Vec<UnplayedNote>,
     /// Notes of the song.
     pub total_notes: usize,
     /// Notes that begin too soon after one of the same key to be struck again: the two are one
@@ -59,23 +59,23 @@ pub struct Limits {
     pub quick_restrikes: usize,
 }
 
-impl Limits {
+impl UnplayedNotes {
     /// Notes that are not played at all.
-    pub fn omitted(&self) -> impl Iterator<Item = &Limit> {
+    pub fn omitted(&self) -> impl Iterator<Item = &UnplayedNote> {
         self.notes.iter().filter(|note| note.kind.omits())
     }
 
     /// How many notes are omitted, and why, in words; none if all are played.
     pub fn omissions(&self) -> Option<String> {
-        let count = |is_so: fn(&Limit) -> bool| self.omitted().filter(|note| is_so(note)).count();
+        let count = |is_so: fn(&UnplayedNote) -> bool| self.omitted().filter(|note| is_so(note)).count();
         let reasons = [
-            (count(Limit::is_leap), "because the hand cannot be there in time"),
+            (count(UnplayedNote::is_leap), "because the hand cannot be there in time"),
             (
-                count(|note| note.kind == LimitKind::TooManyKeys),
+                count(|note| note.kind == Reason::TooManyKeys),
                 "because more keys sound at once than there are fingers",
             ),
             (
-                count(|note| note.kind == LimitKind::OutOfReach),
+                count(|note| note.kind == Reason::OutOfReach),
                 "because the fingers do not reach them with the keys around them",
             ),
         ];
@@ -86,7 +86,7 @@ impl Limits {
     }
 
     /// Notes that are omitted or shortened because the hand has too far to go for the time.
-    pub fn leaps(&self) -> impl Iterator<Item = &Limit> {
+    pub fn leaps(&self) -> impl Iterator<Item = &UnplayedNote> {
         self.notes.iter().filter(|note| note.is_leap())
     }
 
@@ -96,7 +96,7 @@ impl Limits {
     }
 }
 
-impl Limit {
+impl UnplayedNote {
     /// The name of the note.
     pub fn note(&self) -> String {
         pitch_name(LOWEST_PITCH + self.key as u8)
@@ -109,48 +109,48 @@ impl Limit {
 
     /// Whether the hand has too far to go for the time.
     pub fn is_leap(&self) -> bool {
-        matches!(self.kind, LimitKind::TooFar(..) | LimitKind::RailTooSlow(_))
+        matches!(self.kind, Reason::TooFar(..) | Reason::RailTooSlow(_))
     }
 
     /// Whether the note is omitted because the fingers are too few for its chord, or do not reach
     /// it.
     pub fn is_chord(&self) -> bool {
-        matches!(self.kind, LimitKind::TooManyKeys | LimitKind::OutOfReach)
+        matches!(self.kind, Reason::TooManyKeys | Reason::OutOfReach)
     }
 
     /// What happens to the note, and why.
     pub fn what(&self) -> String {
         let early = self.lost_steps as f64 * CONTROL_SECS;
         match self.kind {
-            LimitKind::TooManyKeys => "is omitted: more keys than fingers".to_string(),
-            LimitKind::OutOfReach => "is omitted: out of reach with the keys around it".to_string(),
-            LimitKind::TooFar(key, metres) => {
+            Reason::TooManyKeys => "is omitted: more keys than fingers".to_string(),
+            Reason::OutOfReach => "is omitted: out of reach with the keys around it".to_string(),
+            Reason::TooFar(key, metres) => {
                 let other = pitch_name(LOWEST_PITCH + key as u8);
                 format!("is omitted: {:.0} mm from {other}, too far for the time", metres * 1e3)
             }
-            LimitKind::HandNeeded => format!("is {early:.2} s shorter: a later note needs the hand"),
-            LimitKind::RailTooSlow(travel) => {
+            Reason::HandNeeded => format!("is {early:.2} s shorter: a later note needs the hand"),
+            Reason::RailTooSlow(travel) => {
                 format!("is {early:.2} s shorter: the rail needs the time for {:.0} mm", travel * 1e3)
             }
-            LimitKind::FingerBusy => format!("is {early:.2} s shorter: its finger plays the next key"),
+            Reason::FingerBusy => format!("is {early:.2} s shorter: its finger plays the next key"),
         }
     }
 }
 
-impl fmt::Display for Limit {
+impl fmt::Display for UnplayedNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} at {:.2} s {}", self.note(), self.secs(), self.what())
     }
 }
 
-impl fmt::Display for Limits {
+impl fmt::Display for UnplayedNotes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let count = |what: fn(LimitKind) -> bool| self.notes.iter().filter(|n| what(n.kind)).count();
+        let count = |what: fn(Reason) -> bool| self.notes.iter().filter(|n| what(n.kind)).count();
         let parts = [
-            (count(LimitKind::omits), "omitted"),
-            (count(|kind| matches!(kind, LimitKind::RailTooSlow(_))), "shortened for the rail"),
-            (count(|kind| kind == LimitKind::FingerBusy), "shortened for the finger"),
-            (count(|kind| kind == LimitKind::HandNeeded), "shortened for a later note"),
+            (count(Reason::omits), "omitted"),
+            (count(|kind| matches!(kind, Reason::RailTooSlow(_))), "shortened for the rail"),
+            (count(|kind| kind == Reason::FingerBusy), "shortened for the finger"),
+            (count(|kind| kind == Reason::HandNeeded), "shortened for a later note"),
             (self.merged_notes, "too soon after one of the same key"),
             (self.quick_restrikes, "struck again at once"),
         ];
