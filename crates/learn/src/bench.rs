@@ -44,7 +44,6 @@ pub fn update_rate(config: &DroqConfig, seconds: f64, threads: usize) -> Result<
             observation: &before,
             action: &action,
             reward,
-            terminal: false,
             ends: false,
             next_observation: &after,
         });

@@ -48,9 +48,8 @@ pub struct StepBatch {
     /// `[n, terms]`: the named parts of the reward, in the order of
     /// [`VectorEnvironment::reward_term_names`].
     pub reward_terms: Vec<f32>,
-    /// `[n]`: a terminal state was reached: no bootstrapping.
-    pub terminal: Vec<bool>,
-    /// `[n]`: the episode was truncated (the song is over): bootstrapping continues.
+    /// `[n]`: the episode was truncated (the song is over): bootstrapping continues. No state is
+    /// terminal.
     pub truncated: Vec<bool>,
 }
 
@@ -62,7 +61,6 @@ impl StepBatch {
             next_observation: vec![0.0; num_envs * layout.len()],
             reward: vec![0.0; num_envs],
             reward_terms: vec![0.0; num_envs * reward_terms],
-            terminal: vec![false; num_envs],
             truncated: vec![false; num_envs],
         }
     }

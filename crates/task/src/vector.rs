@@ -96,7 +96,6 @@ impl VectorEnvironment for VectorPiano {
 
     fn step(&mut self, actions: &[f32], batch: &mut StepBatch) {
         let len = self.layout.len();
-        batch.terminal.fill(false);
         let rows = self
             .environments
             .par_iter_mut()

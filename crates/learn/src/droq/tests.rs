@@ -174,7 +174,6 @@ fn some_replay() -> Replay {
             observation: &observation,
             action: &[0.1, -0.2, 0.3],
             reward: stream.uniform(),
-            terminal: false,
             ends: false,
             next_observation: &observation,
         };

@@ -16,7 +16,6 @@ pub(crate) struct Transition<'a> {
     pub observation: &'a [f32],
     pub action: &'a [f32],
     pub reward: f32,
-    pub terminal: bool,
     /// Whether the next transition of the same environment begins another episode.
     pub ends: bool,
     pub next_observation: &'a [f32],
@@ -38,8 +37,7 @@ pub(crate) struct Replay {
     flags: Vec<u8>,
 }
 
-/// Flags of a transition.
-const TERMINAL: u8 = 1;
+/// Flag of a transition that ends its episode.
 const ENDS: u8 = 2;
 
 /// Number of rewards of an n-step return, and their discount.
@@ -60,7 +58,7 @@ pub(crate) struct Batch {
     pub action: Vec<f32>,
     /// `[batch]`: the discounted rewards up to the horizon.
     pub reward: Vec<f32>,
-    /// `[batch]`: weight of the value of the next observation; 0 after a terminal state.
+    /// `[batch]`: weight of the value of the next observation.
     pub discount: Vec<f32>,
 }
 
@@ -154,7 +152,7 @@ impl Replay {
         let packed = &mut self.words[slot * 2 * words..(slot + 1) * 2 * words];
         pack(&transition.observation[real..], &mut packed[..words]);
         pack(&transition.next_observation[real..], &mut packed[words..]);
-        self.flags[slot] = u8::from(transition.terminal) * TERMINAL + u8::from(transition.ends) * ENDS;
+        self.flags[slot] = u8::from(transition.ends) * ENDS;
         self.total += 1;
     }
 
@@ -173,9 +171,6 @@ impl Replay {
                     break;
                 }
                 last = (last + self.num_envs) % self.capacity;
-            }
-            if self.flags[last] & TERMINAL != 0 {
-                discount = 0.0;
             }
             let [values, after] = [first, last].map(|slot| &self.values[slot * stride..(slot + 1) * stride]);
             let [packed, packed_after] =

@@ -18,12 +18,8 @@ fn values(number: u64, layout: ObservationLayout) -> (Vec<f32>, Vec<f32>, Vec<f3
     (observation(number), vec![number as f32; ACTION], observation(number + 1))
 }
 
-fn terminal(number: u64) -> bool {
-    number % 17 == 5
-}
-
 fn ends(number: u64) -> bool {
-    terminal(number) || number % 13 == 4
+    number % 13 == 4
 }
 
 fn push(replay: &mut Replay, number: u64) {
@@ -32,7 +28,6 @@ fn push(replay: &mut Replay, number: u64) {
         observation: &observation,
         action: &action,
         reward: number as f32,
-        terminal: terminal(number),
         ends: ends(number),
         next_observation: &next_observation,
     });
@@ -83,7 +78,7 @@ proptest! {
                 discount *= 0.5;
             }
             prop_assert_eq!(batch.reward[row], reward as f32);
-            prop_assert_eq!(batch.discount[row], if terminal(last) { 0.0 } else { discount as f32 });
+            prop_assert_eq!(batch.discount[row], discount as f32);
             let (observation, action, _) = values(number, layout(binary));
             let (_, _, next_observation) = values(last, layout(binary));
             prop_assert_eq!(&batch.action[row * ACTION..(row + 1) * ACTION], &action[..]);
@@ -144,7 +139,6 @@ fn wrong_order_and_wrong_numbers_have_their_own_errors() {
         observation: &observation,
         action: &action,
         reward: f32::NAN,
-        terminal: false,
         ends: false,
         next_observation: &next_observation,
     });

@@ -91,8 +91,7 @@ impl Collector {
                 observation: &observation[observations.clone()],
                 action: &action[index * action_len..(index + 1) * action_len],
                 reward: batch.reward[index],
-                terminal: batch.terminal[index],
-                ends: batch.terminal[index] || batch.truncated[index],
+                ends: batch.truncated[index],
                 next_observation: &batch.next_observation[observations],
             });
         }

@@ -52,7 +52,7 @@ impl Sums {
             self.reward += reward;
             running[0] += reward;
             running[1] += 1.0;
-            if batch.terminal[index] || batch.truncated[index] {
+            if batch.truncated[index] {
                 self.episodes[0] += 1.0;
                 self.episodes[1] += running[0];
                 self.episodes[2] += running[1];

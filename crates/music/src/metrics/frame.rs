@@ -10,18 +10,6 @@ use serde::{Deserialize, Serialize};
 use super::share;
 use crate::keys::KeySet;
 
-/// Precision, recall and F1 of one control step, each from 0 to 1.
-#[derive(Copy, Clone, Debug, PartialEq)]
-pub struct StepScores {
-    /// Share of the pressed keys that were due; 1 if none was pressed.
-    pub precision: f64,
-    /// Share of the due keys that were pressed; 1 if none was due.
-    pub recall: f64,
-    /// Right keys counted twice over due keys and pressed keys together; 1 if there are none of
-    /// either.
-    pub f1: f64,
-}
-
 /// Scores of a performance by control step, each from 0 to 1.
 #[derive(Copy, Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameScores {
@@ -39,16 +27,6 @@ pub struct FrameScores {
     pub pooled_f1: f64,
 }
 
-/// Scores one control step (scikit-learn's binary scores with `zero_division=1`).
-pub fn step_scores(due: KeySet, pressed: KeySet) -> StepScores {
-    let right = due.intersection(pressed).len();
-    StepScores {
-        precision: share(right, pressed.len(), 1.0),
-        recall: share(right, due.len(), 1.0),
-        f1: share(2 * right, due.len() + pressed.len(), 1.0),
-    }
-}
-
 /// Scores a performance step by step, without storing it.
 #[derive(Copy, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameTally {
@@ -62,16 +40,17 @@ pub struct FrameTally {
 }
 
 impl FrameTally {
-    /// Counts one control step.
+    /// Counts one control step (its own scores are scikit-learn's binary ones with
+    /// `zero_division=1`).
     pub fn push(&mut self, due: KeySet, pressed: KeySet) {
-        let step = step_scores(due, pressed);
+        let [right, due, pressed] = [due.intersection(pressed), due, pressed].map(KeySet::len);
         self.steps += 1;
-        self.precision += step.precision;
-        self.recall += step.recall;
-        self.f1 += step.f1;
-        self.due += due.len();
-        self.pressed += pressed.len();
-        self.right += due.intersection(pressed).len();
+        self.precision += share(right, pressed, 1.0);
+        self.recall += share(right, due, 1.0);
+        self.f1 += share(2 * right, due + pressed, 1.0);
+        self.due += due;
+        self.pressed += pressed;
+        self.right += right;
     }
 
     /// How many control steps were counted.
@@ -123,8 +102,8 @@ mod tests {
             (&[60, 61], &[60, 62], 0.5, 0.5, 0.5),
         ] {
             let set = |pitches: &[u8]| KeySet::from_pitches(pitches.iter().copied());
-            let scores = step_scores(set(due), set(pressed));
-            assert_eq!(scores, StepScores { precision, recall, f1 }, "{due:?} {pressed:?}");
+            let scores = frame_scores(&[set(due)], &[set(pressed)]);
+            assert_eq!([scores.precision, scores.recall, scores.f1], [precision, recall, f1], "{due:?} {pressed:?}");
         }
     }
 

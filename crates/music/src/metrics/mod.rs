@@ -8,7 +8,7 @@ mod frame;
 mod matching;
 mod note;
 
-pub use frame::{FrameScores, FrameTally, StepScores, frame_scores, step_scores};
+pub use frame::{FrameScores, FrameTally, frame_scores};
 pub use note::{NoteScores, matched_notes, note_scores};
 
 /// A share of something, or `otherwise` where there is nothing to share.

@@ -38,12 +38,8 @@ pub struct NoteScores {
     /// Median of played minus due onset over the notes matched by onset, in seconds; late is
     /// positive. None without a match.
     pub onset_error_median_secs: Option<f64>,
-    /// Distance between the quartiles of the same errors, in seconds.
-    pub onset_error_iqr_secs: Option<f64>,
     /// Size of these errors, whether early or late, that 95 % of them do not exceed, in seconds.
     pub onset_error_p95_secs: Option<f64>,
-    /// Their mean, in seconds: the bias.
-    pub onset_error_mean_secs: Option<f64>,
     /// Median of played minus due onset over notes of the same pitch that are matched within 250
     /// ms, in seconds: how late the whole performance is. None without a match.
     pub lag_secs: Option<f64>,
@@ -81,7 +77,6 @@ pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
     let mut sizes: Vec<f64> = errors.iter().map(|error| error.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     let of = |sorted: &[f64], q| (matched > 0).then(|| quantile(sorted, q));
-    let iqr = of(&errors, 0.75).zip(of(&errors, 0.25)).map(|(upper, lower)| upper - lower);
     let [onset_precision, onset_recall, onset_f1] = rates(matched, reference.len(), played.len());
     let [onset_offset_precision, onset_offset_recall, onset_offset_f1] =
         rates(with_offset, reference.len(), played.len());
@@ -93,9 +88,7 @@ pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
         onset_offset_recall,
         onset_offset_f1,
         onset_error_median_secs: of(&errors, 0.5),
-        onset_error_iqr_secs: iqr,
         onset_error_p95_secs: of(&sizes, 0.95),
-        onset_error_mean_secs: (matched > 0).then(|| errors.iter().sum::<f64>() / matched as f64),
         lag_secs,
         onset_f1_without_lag: onset_f1_without(lag_secs.unwrap_or(0.0), reference, played),
         onset_velocity_f1: rates(
@@ -205,7 +198,7 @@ mod tests {
         // Taking the nearest first would leave a note over; the largest matching pairs both.
         let scores = note_scores(&strokes(&[1.0, 1.04]), &strokes(&[0.96, 1.01]));
         assert_eq!((scores.matched, scores.missed, scores.wrong), (2, 0, 0));
-        assert!((scores.onset_error_mean_secs.unwrap() + 0.035).abs() < 1e-12);
+        assert!((scores.onset_error_median_secs.unwrap() + 0.035).abs() < 1e-12);
         assert_eq!(matched_notes(&strokes(&[1.0, 1.04]), &strokes(&[0.96, 1.01])), [[0, 0], [1, 1]]);
         assert_eq!(matched_notes(&strokes(&[2.0, 1.0]), &strokes(&[1.01, 9.0, 2.0])), [[0, 2], [1, 0]]);
         // Two ways to match one: the nearer counts.
