@@ -3,8 +3,8 @@
 //! takes about half the time.
 //!
 //! Operands are rounded and packed afresh for every product, which is a tenth of its work. Two
-//! neighbours along the inner dimension share 32 bits, the first one in the lower half; where that
-//! dimension is odd, the last pair ends in a zero.
+//! neighbours along the inner dimension share 32 bits, the first one in the lower half. Sizes are
+//! multiples of 32, so that no vector and no tile is cut off.
 #![allow(unsafe_code)] // Intrinsics and raw pointers; the bounds are asserted where the pointers are made.
 
 use super::{Matrix, product};
@@ -24,15 +24,17 @@ impl Bf16Products {
     /// Room for operands with at most `rows` rows or columns one way and `widest` the other, or
     /// `widest` both ways; `None` where the processor lacks the instruction.
     pub(crate) fn new(rows: usize, widest: usize) -> Option<Self> {
-        let room = || Buffer::new((rows.max(widest) + 1) * (widest + 1));
+        let room = || Buffer::new(rows.max(widest) * widest);
         available().then(|| Self { left: room(), right: room(), unturned: room() })
     }
 
-    /// `out = a b`. Shapes that the kernel does not take (not both operands transposed, columns by
-    /// sixteens) are multiplied in `f32`.
+    /// `out = a b`. Shapes that the kernel does not take (not both operands transposed, sizes that are
+    /// multiples of 32) are multiplied in `f32`.
     pub(crate) fn product(&mut self, out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
         #[cfg(target_arch = "x86_64")]
-        if b.shape().1.is_multiple_of(16) && !(a.transposed && b.transposed) {
+        if [a.shape().0, a.shape().1, b.shape().1].iter().all(|size| size.is_multiple_of(32))
+            && !(a.transposed && b.transposed)
+        {
             // SAFETY: `new` makes a value only where the processor has what the function is
             // compiled for.
             return unsafe { wide::product(self, out, a, b) };
@@ -75,21 +77,11 @@ mod wide {
         unsafe { std::mem::transmute(values) }
     }
 
-    /// The upper half of `value`, rounded to nearest, ties to even; not-a-numbers stay such.
-    fn round(value: f32) -> u32 {
-        let bits = value.to_bits();
-        if value.is_nan() { (bits >> 16) | 0x40 } else { (bits + 0x7fff + ((bits >> 16) & 1)) >> 16 }
-    }
-
-    fn pair(low: f32, high: f32) -> f32 {
-        f32::from_bits(round(low) | (round(high) << 16))
-    }
-
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,avx512bf16")]
     pub(super) fn product(room: &mut Bf16Products, out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
         let ((m, k), (inner, n)) = (a.shape(), b.shape());
         assert!(k == inner && out.len() == m * n);
-        let pairs = k.div_ceil(2);
+        let pairs = k / 2;
         let left = &mut room.left[..m * pairs];
         let (row, next) = if a.transposed {
             interleave(&a, left);
@@ -109,13 +101,13 @@ mod wide {
         let strips = Strips { left, row, next, right, pairs, n };
         let mut column = 0;
         while column < n {
-            let rest = (n - column) / LANES;
-            match rest {
-                COLUMNS.. => strips.strip::<COLUMNS>(column, m, out),
-                2.. => strips.strip::<2>(column, m, out),
-                _ => strips.strip::<1>(column, m, out),
+            let whole = (n - column) / LANES >= COLUMNS;
+            if whole {
+                strips.strip::<COLUMNS>(column, m, out);
+            } else {
+                strips.strip::<2>(column, m, out);
             }
-            column += LANES * if rest >= COLUMNS { COLUMNS } else { rest.min(2) };
+            column += LANES * if whole { COLUMNS } else { 2 };
         }
     }
 
@@ -136,12 +128,13 @@ mod wide {
         fn strip<const C: usize>(&self, column: usize, m: usize, out: &mut [f32]) {
             let mut i = 0;
             while i < m {
-                match m - i {
-                    ROWS.. => self.tile::<ROWS, C>(i, column, out),
-                    2.. => self.tile::<2, C>(i, column, out),
-                    _ => self.tile::<1, C>(i, column, out),
+                let whole = m - i >= ROWS;
+                if whole {
+                    self.tile::<ROWS, C>(i, column, out);
+                } else {
+                    self.tile::<2, C>(i, column, out);
                 }
-                i += if m - i >= ROWS { ROWS } else { (m - i).min(2) };
+                i += if whole { ROWS } else { 2 };
             }
         }
 
@@ -181,12 +174,9 @@ mod wide {
     /// Pairs within the rows of the stored matrix, row after row.
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,avx512bf16")]
     fn shorten(matrix: &Matrix<'_>, packed: &mut [f32]) {
-        let width = matrix.columns.div_ceil(2);
-        for (index, packed) in packed.chunks_exact_mut(width).enumerate() {
-            let row = matrix.row(index);
-            let (wide, rest) = row.as_chunks::<{ 2 * LANES }>();
-            let (packed, packed_rest) = packed.as_chunks_mut::<LANES>();
-            for (values, packed) in wide.iter().zip(&mut *packed) {
+        for (index, packed) in packed.chunks_exact_mut(matrix.columns / 2).enumerate() {
+            let values = matrix.row(index).as_chunks::<{ 2 * LANES }>().0;
+            for (values, packed) in values.iter().zip(packed.as_chunks_mut::<LANES>().0) {
                 let (low, high) = values.split_at(LANES);
                 // SAFETY: the two halves and the result are as long as a register.
                 unsafe {
@@ -195,36 +185,23 @@ mod wide {
                     _mm512_storeu_ps(packed.as_mut_ptr(), both);
                 }
             }
-            let packed_rest = packed[wide.len()..].as_flattened_mut().iter_mut().chain(packed_rest);
-            for (values, packed) in rest.chunks(2).zip(packed_rest) {
-                *packed = pair(values[0], values.get(1).copied().unwrap_or(0.0));
-            }
         }
     }
 
     /// Pairs across two neighbouring rows of the stored matrix.
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,avx512bf16")]
     fn interleave(matrix: &Matrix<'_>, packed: &mut [f32]) {
-        let width = matrix.columns;
-        for (index, packed) in packed.chunks_exact_mut(width).enumerate() {
-            let first = matrix.row(2 * index);
-            // Without a second row, the first stands in and its half is cleared below.
-            let alone = 2 * index + 1 == matrix.rows;
-            let second = if alone { first } else { matrix.row(2 * index + 1) };
-            let ((firsts, first_rest), (seconds, second_rest)) =
-                (first.as_chunks::<LANES>(), second.as_chunks::<LANES>());
-            let (packed, packed_rest) = packed.as_chunks_mut::<LANES>();
+        for (index, packed) in packed.chunks_exact_mut(matrix.columns).enumerate() {
+            let [firsts, seconds] =
+                [2 * index, 2 * index + 1].map(|row| matrix.row(row).as_chunks::<LANES>().0);
+            let packed = packed.as_chunks_mut::<LANES>().0;
             for ((first, second), packed) in firsts.iter().zip(seconds).zip(packed) {
                 // SAFETY: all three are as long as a register.
                 unsafe {
                     let low = widened(_mm512_loadu_ps(first.as_ptr()));
                     let high = _mm512_slli_epi32::<16>(widened(_mm512_loadu_ps(second.as_ptr())));
-                    let both = if alone { low } else { _mm512_or_si512(low, high) };
-                    _mm512_storeu_ps(packed.as_mut_ptr(), _mm512_castsi512_ps(both));
+                    _mm512_storeu_ps(packed.as_mut_ptr(), _mm512_castsi512_ps(_mm512_or_si512(low, high)));
                 }
-            }
-            for ((&first, &second), packed) in first_rest.iter().zip(second_rest).zip(packed_rest) {
-                *packed = pair(first, if alone { 0.0 } else { second });
             }
         }
     }
@@ -281,7 +258,7 @@ pub(crate) mod tests {
     fn products_are_those_of_the_rounded_operands() {
         let value = |i: usize, phase: f32| (i as f32 * 0.37 + phase).sin();
         for (m, k, n) in
-            [(1, 1, 16), (2, 3, 16), (7, 5, 32), (13, 64, 48), (64, 33, 80), (256, 128, 128), (128, 256, 128)]
+            [(32, 32, 32), (64, 32, 96), (96, 160, 32), (32, 64, 160), (256, 128, 128), (128, 256, 128)]
         {
             let Some(mut products) = products_or_skip(m.max(k), m.max(k).max(n)) else { return };
             let a: Vec<f32> = (0..m * k).map(|i| value(i, 0.1)).collect();
@@ -312,11 +289,11 @@ pub(crate) mod tests {
 
     #[test]
     fn not_a_number_stays_one() {
-        let Some(mut products) = products_or_skip(4, 16) else { return };
-        let mut a = vec![1.0; 4 * 3];
-        a[5] = f32::from_bits(0x7f80_0001);
-        let mut out = vec![0.0; 4 * 16];
-        products.product(&mut out, Matrix::new(&a, 4, 3), Matrix::new(&[1.0; 48], 3, 16));
-        assert!(out[16].is_nan() && out[0] == 3.0);
+        let Some(mut products) = products_or_skip(32, 32) else { return };
+        let mut a = vec![1.0; 32 * 32];
+        a[33] = f32::from_bits(0x7f80_0001);
+        let mut out = vec![0.0; 32 * 32];
+        products.product(&mut out, Matrix::new(&a, 32, 32), Matrix::new(&[1.0; 32 * 32], 32, 32));
+        assert!(out[32].is_nan() && out[0] == 32.0);
     }
 }
