@@ -15,8 +15,8 @@ mod widths;
 #[cfg(test)]
 mod tests;
 
-use etude_stage::params::{JointRow, ParamId, PhysicalParams, WorldRow};
-use etude_stage::{Actuation, DRIVEN_JOINTS, RAIL};
+use etude_stage::Actuation;
+use etude_stage::params::{ParamId, PhysicalParams};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
@@ -34,26 +34,23 @@ pub struct RandomisationConfig {
     pub widths: Widths,
 }
 
-/// Full range of a randomised quantity.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum FullRange {
-    /// One value for the world, anywhere between the two.
-    Between(WorldRow, f64, f64),
-    /// One value for the world, the nominal one plus or minus this.
-    Around(WorldRow, f64),
-    /// A factor for each finger joint and the rail, one plus or minus this.
-    Scaled(JointRow, f64),
-}
-
-/// The paper's seven quantities ("Domain Randomization") with their ranges at full intensity.
-pub const RANDOMISED: &[(&str, FullRange)] = &[
-    ("height of the piano", FullRange::Around(WorldRow::KeyboardHeight, 0.0085)),
-    ("starting position of the hand", FullRange::Around(WorldRow::HandStart, 0.33)),
-    ("dampening of the joints", FullRange::Scaled(JointRow::Damping, 0.9)),
-    ("applied force of each actuator", FullRange::Scaled(JointRow::Stiffness, 0.9)),
-    ("threshold of a key", FullRange::Between(WorldRow::KeyThreshold, 0.1, 0.9)),
-    ("stiffness of the springs", FullRange::Between(WorldRow::KeyStiffness, 0.3, 2.3)),
-    ("friction of keys and fingertips", FullRange::Between(WorldRow::KeyFriction, 0.2, 2.5)),
+/// The paper's seven quantities ("Domain Randomization"), the parameters that each stands for, and
+/// their ranges at full intensity.
+const RANDOMISED: &[(&str, SpreadKind)] = &[
+    // Height of the piano.
+    ("keyboard.height", SpreadKind::Around(0.0085)),
+    // Starting position of the hand.
+    ("hand.start", SpreadKind::Around(0.33)),
+    // Dampening of the joints.
+    ("joint.all.damping", SpreadKind::Scaled(0.9)),
+    // Applied force of each actuator.
+    ("joint.all.stiffness", SpreadKind::Scaled(0.9)),
+    // Threshold of a key.
+    ("key.threshold", SpreadKind::Between(0.1, 0.9)),
+    // Stiffness of the springs.
+    ("key.stiffness", SpreadKind::Between(0.3, 2.3)),
+    // Friction of keys and fingertips.
+    ("key.friction", SpreadKind::Between(0.2, 2.5)),
 ];
 
 /// Draws worlds about a nominal one.
@@ -118,16 +115,9 @@ impl Randomisation {
 
 /// The paper's quantities, parameter by parameter.
 fn papers() -> Vec<Spread> {
-    let world = |quantity, kind| vec![Spread { id: ParamId::World(quantity), kind }];
-    let spreads = RANDOMISED.iter().flat_map(|(_, full)| match *full {
-        FullRange::Between(quantity, low, high) => world(quantity, SpreadKind::Between(low, high)),
-        FullRange::Around(quantity, width) => world(quantity, SpreadKind::Around(width)),
-        FullRange::Scaled(quantity, width) => (0..DRIVEN_JOINTS)
-            .map(|joint| Spread { id: ParamId::Joint(quantity, joint), kind: SpreadKind::Scaled(width) })
-            .collect(),
+    let spreads = RANDOMISED.iter().flat_map(|(path, kind)| {
+        let ids = ParamId::named(path).expect("each path is one of a row");
+        ids.into_iter().map(|id| Spread { id, kind: *kind })
     });
     spreads.collect()
 }
-
-// The rail is scaled with the fingers: it is the last joint.
-const _: () = assert!(RAIL + 1 == DRIVEN_JOINTS);

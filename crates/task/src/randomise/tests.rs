@@ -1,5 +1,7 @@
 use std::collections::BTreeMap;
 
+use etude_stage::params::{JointRow, WorldRow};
+use etude_stage::{DRIVEN_JOINTS, RAIL};
 use proptest::prelude::*;
 use rand::SeedableRng as _;
 

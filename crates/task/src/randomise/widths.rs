@@ -16,8 +16,7 @@ use crate::TaskError;
 /// What is randomised, and how far at full intensity.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Widths {
-    /// The paper's seven quantities ([`RANDOMISED`](super::RANDOMISED)); `"paper"` in a
-    /// configuration.
+    /// The paper's seven quantities (`RANDOMISED`); `"paper"` in a configuration.
     #[default]
     Paper,
     /// Half-widths by path, in the unit of the row: uniform within the nominal value ± this,
