@@ -34,7 +34,7 @@ pub use fingering::{Fingering, Goals};
 pub use observation::{ColumnGroup, ColumnKind, History, column_groups, layout, observe};
 pub use piece::Piece;
 pub use player::Player;
-pub use randomise::{Randomisation, RandomisationConfig, Widths};
+pub use randomise::{NamedWidths, Randomisation, RandomisationConfig, Widths};
 pub use range::TargetRange;
 pub use scripted::{Lags, ScriptedBaseline, shortest_silences};
 pub use simulation::{Simulation, StepResult};

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::TaskError;
 use spread::{Spread, SpreadKind};
-pub use widths::Widths;
+pub use widths::{NamedWidths, Widths};
 
 /// How much to randomise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -77,7 +77,7 @@ impl Randomisation {
         let (spreads, guarded) = match &config.widths {
             // As the authors draw them; tests/task/randomisation.rs checks that the physics stays
             // stable.
-            Widths::Paper => (papers(), None),
+            Widths::Named(NamedWidths::Paper) => (papers(), None),
             Widths::Identified(widths) => (widths::spreads(widths)?, Some(actuation)),
         };
         Ok(Self { nominal, intensity: config.intensity, spreads, guarded })

@@ -27,7 +27,7 @@ fn draw(randomisation: &Randomisation, worlds: usize) -> Vec<PhysicalParams> {
 }
 
 fn draws(intensity: f64) -> Vec<PhysicalParams> {
-    draw(&randomisation(&PhysicalParams::default(), &config(intensity, Widths::Paper)), 500)
+    draw(&randomisation(&PhysicalParams::default(), &config(intensity, Widths::default())), 500)
 }
 
 #[test]
@@ -71,7 +71,7 @@ fn exactly_the_papers_seven_quantities_vary() {
     let drawn = draws(1.0);
     let changed = |path: &String| drawn.iter().any(|p| p.get(path) != nominal.get(path));
     let varied: Vec<String> = PhysicalParams::rows().map(|row| row.0).filter(changed).collect();
-    let mut said: Vec<String> = randomisation(&nominal, &config(1.0, Widths::Paper)).paths().collect();
+    let mut said: Vec<String> = randomisation(&nominal, &config(1.0, Widths::default())).paths().collect();
     assert_eq!(said.len(), 5 + 2 * DRIVEN_JOINTS);
     let place = |path: &String| PhysicalParams::rows().position(|row| row.0 == *path);
     said.sort_by_key(place);
@@ -95,7 +95,7 @@ fn worlds_are_centred_on_the_identified_values() {
     }
     let widths =
         identified(&[("key.stiffness", 0.1), ("joint.all.damping", 0.02), ("joint.rail.delay", 0.0)]);
-    for widths in [Widths::Paper, widths] {
+    for widths in [Widths::default(), widths] {
         let randomisation = randomisation(&nominal, &config(0.4, widths));
         let drawn = draw(&randomisation, 2_000);
         for path in randomisation.paths() {
@@ -167,7 +167,7 @@ fn widths_that_mean_nothing_are_refused() {
 fn configurations_say_paper_or_list_half_widths() {
     let read = |text: &str| serde_json::from_str::<RandomisationConfig>(text);
     assert_eq!(read("{}").unwrap(), RandomisationConfig::default());
-    assert_eq!(read(r#"{"widths": "paper"}"#).unwrap().widths, Widths::Paper);
+    assert_eq!(read(r#"{"widths": "paper"}"#).unwrap().widths, Widths::default());
     let widths = identified(&[("joint.rail.damping", 40.0), ("key.threshold", 0.1)]);
     let config = RandomisationConfig { intensity: 0.5, widths };
     assert_eq!(read(&serde_json::to_string(&config).unwrap()).unwrap(), config);
@@ -182,7 +182,7 @@ fn a_grid_takes_each_part_of_each_range_once() {
     let nominal = PhysicalParams::default();
     let widths =
         identified(&[("key.threshold", 0.2), ("joint.fingers.damping", 0.05), ("keyboard.height", 0.01)]);
-    for (widths, count) in [(Widths::Paper, 5 + 2 * DRIVEN_JOINTS), (widths, 2 + RAIL)] {
+    for (widths, count) in [(Widths::default(), 5 + 2 * DRIVEN_JOINTS), (widths, 2 + RAIL)] {
         let randomisation = randomisation(&nominal, &config(0.5, widths));
         let (worlds, paths) = (24, randomisation.paths().collect::<Vec<_>>());
         assert_eq!(paths.len(), count);
@@ -263,7 +263,7 @@ proptest! {
 #[test]
 fn both_contacts_of_the_keys_are_randomised_together() {
     let nominal = PhysicalParams::default().with(&[("key.hysteresis".to_string(), 0.4)].into()).unwrap();
-    let drawn = draw(&randomisation(&nominal, &config(1.0, Widths::Paper)), 100);
+    let drawn = draw(&randomisation(&nominal, &config(1.0, Widths::default())), 100);
     let silent =
         |p: &PhysicalParams| p.world(WorldRow::KeyThreshold) * (1.0 - p.world(WorldRow::KeyHysteresis));
     let (low, high) = drawn.iter().map(silent).fold((1.0f64, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));

@@ -2,23 +2,20 @@
 //! intervals of an identification.
 
 use std::collections::BTreeMap;
-use std::fmt;
 
 use etude_stage::params::ParamId;
 use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES};
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
 use super::spread::{Spread, SpreadKind};
 use crate::TaskError;
 
 /// What is randomised, and how far at full intensity.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected \"paper\", or a table of half-widths by path")]
 pub enum Widths {
-    /// The paper's seven quantities (`RANDOMISED`); `"paper"` in a configuration.
-    #[default]
-    Paper,
+    /// A set with a name.
+    Named(NamedWidths),
     /// Half-widths by path, in the unit of the row: uniform within the nominal value ± this,
     /// clamped to the row's range. `joint.all.<name>` and `joint.fingers.<name>` name several
     /// joints, which are drawn independently. The path of one joint takes precedence over
@@ -26,39 +23,17 @@ pub enum Widths {
     Identified(BTreeMap<String, f64>),
 }
 
-const PAPER: &str = "paper";
-
-impl Serialize for Widths {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Paper => serializer.serialize_str(PAPER),
-            Self::Identified(widths) => widths.serialize(serializer),
-        }
-    }
+/// The sets with a name.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NamedWidths {
+    /// The paper's seven quantities (`RANDOMISED`).
+    Paper,
 }
 
-impl<'de> Deserialize<'de> for Widths {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Either;
-        impl<'de> Visitor<'de> for Either {
-            type Value = Widths;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("\"paper\", or a table of half-widths by path")
-            }
-
-            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<Widths, E> {
-                if text == PAPER {
-                    return Ok(Widths::Paper);
-                }
-                Err(E::invalid_value(serde::de::Unexpected::Str(text), &self))
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Widths, A::Error> {
-                BTreeMap::deserialize(MapAccessDeserializer::new(map)).map(Widths::Identified)
-            }
-        }
-        deserializer.deserialize_any(Either)
+impl Default for Widths {
+    fn default() -> Self {
+        Self::Named(NamedWidths::Paper)
     }
 }
 

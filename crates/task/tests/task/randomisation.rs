@@ -114,8 +114,8 @@ fn worlds_of_full_intensity_stay_calm_under_random_actions() {
         .collect();
     let full = |widths| RandomisationConfig { intensity: 1.0, widths };
     for (name, config, widths, worlds) in [
-        ("paper", nominal(), Widths::Paper, 300),
-        ("paper about another robot", other.clone(), Widths::Paper, 100),
+        ("paper", nominal(), Widths::default(), 300),
+        ("paper about another robot", other.clone(), Widths::default(), 100),
         ("half of every row", nominal(), Widths::Identified(wide), 100),
     ] {
         for actuation in [Actuation::Controlled, Actuation::Position] {
