@@ -5,12 +5,14 @@
 //! that depends on the batch. The process models the logarithm of one plus the cost, because costs
 //! span orders of magnitude.
 
+use rand::seq::SliceRandom as _;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::gaussian_process::GaussianProcess;
 use crate::method::{Outcome, Reason};
 use crate::problem::Problem;
-use crate::random::Draws;
 use crate::space::all_inside;
 
 /// Random points a coordinate among which the search for the next candidate begins.
@@ -42,7 +44,7 @@ impl Bo {
             return self.initial(problem);
         }
         let n = problem.space().len();
-        let mut draws = Draws::new(self.seed, self.batch);
+        let mut draws = self.draws();
         let mut point = self.suggested(n, &mut draws).unwrap_or_else(|| random_point(n, &mut draws));
         // A known point is replaced by a random one, with a limit on the attempts.
         for _ in 0..20 {
@@ -68,22 +70,20 @@ impl Bo {
     fn initial(&self, problem: &Problem) -> Vec<Vec<f64>> {
         let n = problem.space().len();
         let stripes = 2 * n + 1;
-        let mut draws = Draws::new(self.seed, self.batch);
+        let mut draws = self.draws();
         let mut points = vec![vec![0.0; n]; stripes];
         for parameter in 0..n {
             let mut order: Vec<usize> = (0..stripes).collect();
-            for last in (1..stripes).rev() {
-                order.swap(last, draws.below(last + 1));
-            }
+            order.shuffle(&mut draws);
             for (point, stripe) in points.iter_mut().zip(order) {
-                point[parameter] = (stripe as f64 + draws.uniform()) / stripes as f64;
+                point[parameter] = (stripe as f64 + draws.random::<f64>()) / stripes as f64;
             }
         }
         std::iter::once(problem.space().start()).chain(points).collect()
     }
 
     /// The candidate of the process; `None` where it cannot be fitted.
-    fn suggested(&self, n: usize, draws: &mut Draws) -> Option<Vec<f64>> {
+    fn suggested(&self, n: usize, draws: &mut Pcg64) -> Option<Vec<f64>> {
         let heights: Vec<Option<f64>> = self.evaluated.iter().map(|(_, cost)| cost.map(f64::ln_1p)).collect();
         // A failure counts as the worst cost.
         let worst = heights.iter().flatten().copied().reduce(f64::max)?;
@@ -94,6 +94,12 @@ impl Bo {
         search(&process, *least, best, n, draws)
     }
 
+    /// The draws of a batch, which depend on the seed and the batch's number alone, so that no
+    /// generator has to be saved.
+    fn draws(&self) -> Pcg64 {
+        Pcg64::seed_from_u64(self.seed ^ self.batch.rotate_left(32))
+    }
+
     fn is_known(&self, point: &[f64]) -> bool {
         self.evaluated
             .iter()
@@ -102,8 +108,8 @@ impl Bo {
 }
 
 /// A uniformly random point.
-fn random_point(n: usize, draws: &mut Draws) -> Vec<f64> {
-    (0..n).map(|_| draws.uniform()).collect()
+fn random_point(n: usize, draws: &mut Pcg64) -> Vec<f64> {
+    (0..n).map(|_| draws.random::<f64>()).collect()
 }
 
 /// The acquisition function: expected improvement on the least height less the predicted height
@@ -135,12 +141,12 @@ fn search(
     least: f64,
     best: &[f64],
     n: usize,
-    draws: &mut Draws,
+    draws: &mut Pcg64,
 ) -> Option<Vec<f64>> {
     let mut candidates: Vec<Vec<f64>> = (0..RANDOM_POINTS * n).map(|_| random_point(n, draws)).collect();
     for radius in LOCAL_RADII {
         for _ in 0..RANDOM_POINTS * n / 2 {
-            let local = best.iter().map(|u| u + radius * (2.0 * draws.uniform() - 1.0));
+            let local = best.iter().map(|u| u + radius * (2.0 * draws.random::<f64>() - 1.0));
             candidates.push(local.map(|u| u.clamp(0.0, 1.0)).collect());
         }
     }

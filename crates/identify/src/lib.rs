@@ -48,7 +48,6 @@ mod motion;
 mod parameter_bounds;
 mod presses;
 mod problem;
-mod random;
 mod replay;
 mod report;
 mod space;
