@@ -52,7 +52,7 @@ pub use melody::melody;
 pub use meter::{BeatGrid, Position};
 pub use note::{Note, chords};
 pub use range::{OffendingNote, OutOfRange};
-pub use resolve::resolve;
+pub use resolve::{is_named_midi, resolve};
 pub use song::Song;
 pub use spelling::{did_you_mean, similar_names};
 pub use split::{Split, melodies};

@@ -19,15 +19,16 @@ pub fn resolve(name_or_path: &str) -> Result<Song, SongError> {
         return Ok(song);
     }
     let path = Path::new(name_or_path);
-    let named_like_a_file = path.components().count() > 1
-        || path
-            .extension()
-            .is_some_and(|end| end.eq_ignore_ascii_case("mid") || end.eq_ignore_ascii_case("midi"));
-    if named_like_a_file || path.is_file() {
+    if path.components().count() > 1 || is_named_midi(path) || path.is_file() {
         return Song::load(path);
     }
     let similar = did_you_mean(name_or_path, repertoire::ids());
     Err(SongError::Unknown { name: name_or_path.to_owned(), similar })
+}
+
+/// Whether a file has the name of a MIDI file.
+pub fn is_named_midi(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("mid") || end.eq_ignore_ascii_case("midi"))
 }
 
 #[cfg(test)]

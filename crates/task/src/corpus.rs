@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 
 use etude_checks::check_range;
 use etude_learn::seed::fnv;
-use etude_music::{Song, SongError, Split, melodies};
+use etude_music::{Song, SongError, Split, is_named_midi, melodies};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use walkdir::WalkDir;
 
 use crate::{Piece, TaskConfig, TaskError};
 
@@ -144,28 +145,19 @@ struct FoundSongs {
 
 impl FoundSongs {
     fn below(folder: &Path) -> Result<Self, TaskError> {
-        let unreadable = |source| SongError::Read { path: folder.to_path_buf(), source };
-        let mut paths = Vec::new();
-        for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-            paths.push(entry.map_err(unreadable)?.path());
-        }
-        paths.sort();
         let mut found = Self::default();
-        for path in paths {
-            let is_midi = path
-                .extension()
-                .is_some_and(|end| end.eq_ignore_ascii_case("mid") || end.eq_ignore_ascii_case("midi"));
-            if path.is_dir() {
-                let Self { songs, left_out } = Self::below(&path)?;
-                found.songs.extend(songs);
-                found.left_out.extend(left_out);
-            } else if is_midi {
-                match Song::load(&path).and_then(on_the_keyboard) {
-                    Ok(Some(song)) => found.songs.push(song),
-                    Ok(None) => found.left_out.push(format!("{} is wider than the keyboard", path.display())),
-                    Err(error @ SongError::Read { .. }) => return Err(error.into()),
-                    Err(error) => found.left_out.push(error.to_string()),
-                }
+        for entry in WalkDir::new(folder).follow_links(true).sort_by_file_name() {
+            let unreadable =
+                |error: walkdir::Error| SongError::Read { path: folder.to_path_buf(), source: error.into() };
+            let path = entry.map_err(unreadable)?.into_path();
+            if path.is_dir() || !is_named_midi(&path) {
+                continue;
+            }
+            match Song::load(&path).and_then(on_the_keyboard) {
+                Ok(Some(song)) => found.songs.push(song),
+                Ok(None) => found.left_out.push(format!("{} is wider than the keyboard", path.display())),
+                Err(error @ SongError::Read { .. }) => return Err(error.into()),
+                Err(error) => found.left_out.push(error.to_string()),
             }
         }
         Ok(found)

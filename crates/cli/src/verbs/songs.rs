@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::{Arrangement, ZeroShot, easier, find_song, policies, predict_zero_shot};
-use etude_music::{CONTROL_HZ, Note, Song, Split, chords, melody, pitch_name, repertoire, sound};
+use etude_music::{CONTROL_HZ, Note, Song, Split, chords, is_named_midi, melody, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
 use etude_task::fingering::UnplayedNote;
 use etude_task::{Piece, TaskConfig};
@@ -319,10 +319,7 @@ fn arrange(name: &str, semitones: i32, factor: f64, melody: bool, out: &Path) ->
 
 /// Writes a song; only a MIDI file is replaced.
 fn save(song: &Song, out: &Path) -> anyhow::Result<()> {
-    if out
-        .extension()
-        .is_none_or(|ending| !ending.eq_ignore_ascii_case("mid") && !ending.eq_ignore_ascii_case("midi"))
-    {
+    if !is_named_midi(out) {
         anyhow::bail!("cannot write {}: the name must end in .mid", out.display());
     }
     if out.is_file() && std::fs::read(out)? != song.to_midi() {
