@@ -41,7 +41,8 @@ fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<
             Err(error) => errors.push(error),
         }
     }
-    let rank = |pianist: &Pianist| (pianist.config.task.key_schedule.rule, pianist.claimed_overall.unwrap_or(0.0));
+    let rank =
+        |pianist: &Pianist| (pianist.config.task.key_schedule.rule, pianist.claimed_overall.unwrap_or(0.0));
     pianists.sort_by(|a, b| {
         let ((rule_a, score_a), (rule_b, score_b)) = (rank(a), rank(b));
         rule_b.cmp(&rule_a).then(score_b.total_cmp(&score_a))

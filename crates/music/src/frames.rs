@@ -7,8 +7,8 @@
 use etude_checks::{check_range, positive_to};
 
 use crate::error::SongError;
-use crate::keys::{KEY_COUNT, KeySet, LOWEST_PITCH, key_of_pitch};
 use crate::file_limits::MAX_CONTROL_HZ;
+use crate::keys::{KEY_COUNT, KeySet, LOWEST_PITCH, key_of_pitch};
 use crate::note::{Note, without_overlaps};
 use crate::song::Song;
 

@@ -7,8 +7,8 @@ use etude_checks::{POSITIVE, check_range};
 
 use crate::CONTROL_HZ;
 use crate::error::SongError;
-use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch, pitch_name};
 use crate::file_limits::{MAX_DURATION_SECS, MAX_NOTES};
+use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch, pitch_name};
 use crate::meter::{BeatGrid, Position};
 use crate::note::{Note, chords, without_overlaps};
 use crate::range::{OffendingNote, OutOfRange};

@@ -237,7 +237,10 @@ mod tests {
             );
         }
         let early = TaskConfig {
-            key_schedule: KeyScheduleConfig { latency_compensation_secs: 0.01, ..KeyScheduleConfig::default() },
+            key_schedule: KeyScheduleConfig {
+                latency_compensation_secs: 0.01,
+                ..KeyScheduleConfig::default()
+            },
             ..TaskConfig::default()
         };
         assert_eq!(Piece::for_task(&song, &early).unwrap().late_secs(), 0.0);

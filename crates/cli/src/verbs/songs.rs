@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::{Arrangement, ZeroShot, easier, find_song, policies, predict_zero_shot};
-use etude_music::{CONTROL_HZ, Note, Song, Split, chords, is_named_midi, melody, pitch_name, repertoire, sound};
+use etude_music::{
+    CONTROL_HZ, Note, Song, Split, chords, is_named_midi, melody, pitch_name, repertoire, sound,
+};
 use etude_perform::shell_word;
 use etude_task::fingering::UnplayedNote;
 use etude_task::{Piece, TaskConfig};

@@ -66,10 +66,7 @@ pub(super) fn samples(motion: &Motion, trace: &Trace, joint: usize) -> Vec<Sampl
         if velocity.abs() > stands {
             direction = velocity.signum();
         }
-        Sample {
-            error: trace.position(joint, secs) - measured,
-            motion: [direction, velocity, acceleration],
-        }
+        Sample { error: trace.position(joint, secs) - measured, motion: [direction, velocity, acceleration] }
     };
     motion.readings(joint).map(sample).collect()
 }

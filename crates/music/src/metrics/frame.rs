@@ -103,7 +103,11 @@ mod tests {
         ] {
             let set = |pitches: &[u8]| KeySet::from_pitches(pitches.iter().copied());
             let scores = frame_scores(&[set(due)], &[set(pressed)]);
-            assert_eq!([scores.precision, scores.recall, scores.f1], [precision, recall, f1], "{due:?} {pressed:?}");
+            assert_eq!(
+                [scores.precision, scores.recall, scores.f1],
+                [precision, recall, f1],
+                "{due:?} {pressed:?}"
+            );
         }
     }
 

@@ -7,22 +7,22 @@
 
 mod goal;
 pub(crate) mod hand_reach;
-mod unplayed_notes;
 mod planner;
 mod poses;
 pub(crate) mod rail_model;
 mod strokes;
+mod unplayed_notes;
 
 use etude_stage::{PHYSICS_STEPS, PhysicalParams, StageConfig};
 
 pub use goal::{AHEAD_STEPS, Goal, Goals};
 use hand_reach::HandReach;
-pub use unplayed_notes::{Reason, UnplayedNote, UnplayedNotes};
 pub use planner::PlayedNote;
 use planner::{FingeringPlanner, HandState};
 pub use poses::{FingerAngles, Poses};
 use rail_model::RailModel;
 pub use strokes::Strokes;
+pub use unplayed_notes::{Reason, UnplayedNote, UnplayedNotes};
 
 /// The fingering of a song.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,7 +113,12 @@ impl Fingering {
 
 /// Target of the rail at each of `steps` control steps, m. The rail leaves as early as the keys
 /// that are held allow, some steps before the release.
-fn rail_targets(planner: &FingeringPlanner<'_>, states: &[HandState], notes: &[PlayedNote], steps: usize) -> Vec<f64> {
+fn rail_targets(
+    planner: &FingeringPlanner<'_>,
+    states: &[HandState],
+    notes: &[PlayedNote],
+    steps: usize,
+) -> Vec<f64> {
     let Some(first) = states.first() else { return vec![0.0; steps] };
     let mut targets = vec![first.rail; steps];
     for (onset, pair) in planner.onsets.iter().zip(states.windows(2)) {

@@ -13,9 +13,9 @@ use etude_stage::FINGERS;
 use etude_stage::geometry::HALF_WIDTH;
 
 use super::hand_reach::{HandReach, LATERAL_REACH_M, TURN_FIRST_M};
-use super::unplayed_notes::{Reason, UnplayedNote, UnplayedNotes};
 use super::rail_model::RailModel;
 use super::strokes::{Onset, Stroke, Strokes};
+use super::unplayed_notes::{Reason, UnplayedNote, UnplayedNotes};
 
 /// Smallest distance of two neighbouring fingers that press at once, m: the width of a finger's
 /// links.
