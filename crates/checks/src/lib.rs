@@ -1,11 +1,26 @@
 //! Range checks of settings, with one message for all of them.
 //!
-//! ```
-//! use etude_checks::check_range;
+//! [`settings!`] makes a structure of settings from one row each: name, type, default, range.
+//! [`check_range`] checks what depends on other settings.
 //!
-//! assert!(check_range("droq.dropout", 0.01, 0.0..1.0).is_ok());
-//! let error = check_range("droq.dropout", 1.5, 0.0..1.0).unwrap_err();
-//! assert_eq!(error.to_string(), "droq.dropout is 1.5: it must be at least 0 and less than 1");
+//! ```
+//! use etude_checks::{check_range, settings};
+//!
+//! settings! {
+//!     /// What can be set of a lamp.
+//!     pub struct LampConfig("lamp") {
+//!         /// Brightness, as a share.
+//!         pub brightness: f64 = 0.5, 0.0..=1.0;
+//!         /// Where it hangs.
+//!         pub place: String = "hall".into();
+//!     }
+//! }
+//!
+//! let lamp = LampConfig { brightness: 1.5, ..LampConfig::default() };
+//! assert!(LampConfig::default().check_ranges().is_ok());
+//! let error = lamp.check_ranges().unwrap_err();
+//! assert_eq!(error.to_string(), "lamp.brightness is 1.5: it must be from 0 to 1");
+//! assert!(check_range("lamp.height_m", 2.1, 1.0..lamp.brightness + 1.0).is_err());
 //! ```
 
 use std::fmt::{self, Display};
@@ -79,6 +94,73 @@ pub fn check_range(
     }
     let allowed = Allowed { low: range.start_bound().cloned(), high: range.end_bound().cloned() };
     Err(RangeError { name: name.into(), value, allowed })
+}
+
+/// A setting with a range: a number, or several numbers in the same one.
+pub trait Numbers {
+    /// Checks each number.
+    ///
+    /// # Errors
+    /// Names the first that is not in `range`.
+    fn check(&self, name: &str, range: &impl RangeBounds<f64>) -> Result<(), RangeError>;
+}
+
+macro_rules! numbers {
+    ($($number:ty)*) => {
+        $(impl Numbers for $number {
+            fn check(&self, name: &str, range: &impl RangeBounds<f64>) -> Result<(), RangeError> {
+                check_range(name, *self as f64, (range.start_bound().cloned(), range.end_bound().cloned()))
+            }
+        })*
+    };
+}
+
+numbers! { f64 u8 u16 u64 }
+
+impl<T: Numbers> Numbers for Option<T> {
+    fn check(&self, name: &str, range: &impl RangeBounds<f64>) -> Result<(), RangeError> {
+        self.as_ref().map_or(Ok(()), |number| number.check(name, range))
+    }
+}
+
+impl<T: Numbers, const N: usize> Numbers for [T; N] {
+    fn check(&self, name: &str, range: &impl RangeBounds<f64>) -> Result<(), RangeError> {
+        let mut numbers = self.iter().enumerate();
+        numbers.try_for_each(|(index, number)| number.check(&format!("{name}[{index}]"), range))
+    }
+}
+
+/// Makes a structure of settings, its `Default`, and `check_ranges`. Each row is a field, its
+/// default and, if it is a [number](Numbers), its range. The literal behind the structure's name is
+/// what the paths of its settings begin with.
+#[macro_export]
+macro_rules! settings {
+    (
+        $(#[$about:meta])*
+        $vis:vis struct $name:ident($prefix:literal) {
+            $($(#[$doc:meta])* $field_vis:vis $field:ident: $type:ty = $default:expr $(, $range:expr)?;)*
+        }
+    ) => {
+        $(#[$about])*
+        $vis struct $name { $($(#[$doc])* $field_vis $field: $type,)* }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $default,)* }
+            }
+        }
+
+        impl $name {
+            /// Checks each setting that has a range of its own.
+            ///
+            /// # Errors
+            /// Names the first one that is not in its range.
+            $vis fn check_ranges(&self) -> Result<(), $crate::RangeError> {
+                $($($crate::Numbers::check(&self.$field, concat!($prefix, ".", stringify!($field)), &($range))?;)?)*
+                Ok(())
+            }
+        }
+    };
 }
 
 #[cfg(test)]

@@ -5,10 +5,10 @@
 
 use std::{collections::VecDeque, time::Duration};
 
-use etude_checks::RangeError;
+use etude_checks::{RangeError, settings};
 use serde::{Deserialize, Serialize};
 
-use etude_robot::keyboard::{KEY_COUNT, check_lowest_pitch, positive_secs};
+use etude_robot::keyboard::{KEY_COUNT, MAX_LOWEST_PITCH};
 
 /// How a release is coded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,34 +56,23 @@ impl Line {
     }
 }
 
-/// What can be set of a [`KeyboardEmulator`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct KeyboardEmulatorConfig {
-    /// MIDI number of the leftmost key.
-    pub lowest_pitch: u8,
-    /// How releases are coded.
-    pub release: ReleaseCoding,
-    /// Whether a status byte that stays the same is left out; on a [`Line::Din`] only.
-    pub running_status: bool,
-    /// What the bytes travel on.
-    pub line: Line,
-    /// Active sensing after so much silence, in seconds; at least a millisecond. None: never.
-    pub sensing_secs: Option<f64>,
-    /// A timing clock byte every so often, in seconds; at least a millisecond. None: never.
-    pub clock_secs: Option<f64>,
-}
-
-impl Default for KeyboardEmulatorConfig {
-    fn default() -> Self {
-        Self {
-            lowest_pitch: 36,
-            release: ReleaseCoding::default(),
-            running_status: false,
-            line: Line::default(),
-            sensing_secs: None,
-            clock_secs: None,
-        }
+settings! {
+    /// What can be set of a [`KeyboardEmulator`].
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct KeyboardEmulatorConfig("keyboard") {
+        /// MIDI number of the leftmost key.
+        pub lowest_pitch: u8 = 36, 0.0..=MAX_LOWEST_PITCH;
+        /// How releases are coded.
+        pub release: ReleaseCoding = ReleaseCoding::default();
+        /// Whether a status byte that stays the same is left out; on a [`Line::Din`] only.
+        pub running_status: bool = false;
+        /// What the bytes travel on.
+        pub line: Line = Line::default();
+        /// Active sensing after so much silence, in seconds. None: never.
+        pub sensing_secs: Option<f64> = None, 0.001..=86_400.0;
+        /// A timing clock byte every so often, in seconds. None: never.
+        pub clock_secs: Option<f64> = None, 0.001..=86_400.0;
     }
 }
 
@@ -122,9 +111,8 @@ impl KeyboardEmulator {
     pub fn new(config: &KeyboardEmulatorConfig) -> Result<Self, RangeError> {
         let KeyboardEmulatorConfig { lowest_pitch, release, running_status, line, sensing_secs, clock_secs } =
             *config;
-        check_lowest_pitch(lowest_pitch)?;
-        let sensing = sensing_secs.map(|secs| interval("sensing_secs", secs)).transpose()?;
-        let clock = clock_secs.map(|secs| interval("clock_secs", secs)).transpose()?;
+        config.check_ranges()?;
+        let [sensing, clock] = [sensing_secs, clock_secs].map(|secs| secs.map(Duration::from_secs_f64));
         Ok(Self {
             lowest_pitch,
             release,
@@ -237,9 +225,4 @@ enum Next {
     Clock,
     Queued(u8),
     Sensing,
-}
-
-/// An interval of at least a millisecond: bounds the bytes of one poll.
-fn interval(name: &'static str, secs: f64) -> Result<Duration, RangeError> {
-    positive_secs(name, secs).map(|time| time.max(Duration::from_millis(1)))
 }

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use etude_checks::check_range;
+use etude_checks::{check_range, settings};
 use etude_emulators::KeyboardEmulatorConfig;
 use etude_emulators::faults::{FaultPlan, OrderedFault};
 use etude_music::KEY_COUNT;
@@ -50,153 +50,106 @@ pub(crate) struct Numbers {
     pub(crate) faults: Vec<OrderedFault>,
 }
 
-/// The parameter set of a world, in addition to its physical numbers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct WorldParams {
-    /// `implicitfast`, or the simulator's `euler`.
-    pub(crate) integrator: Integrator,
-    /// Shape of friction: `pyramidal`, or the simulator's `elliptic`.
-    pub(crate) cone: Cone,
-    /// Turn of the keyboard about its middle, counter-clockwise from above, rad. Its place and
-    /// height are physical numbers: `keyboard.depth`, `keyboard.lateral`, `keyboard.height`.
-    pub(crate) keyboard_yaw_rad: f64,
-    /// Whether the hand has a weight. Without one, the twin's rig has no feed-forward against it.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub(crate) gravity: bool,
-}
-
-impl Default for WorldParams {
-    fn default() -> Self {
-        Self {
-            integrator: Integrator::ImplicitFast,
-            cone: Cone::Pyramidal,
-            keyboard_yaw_rad: 0.0,
-            gravity: false,
-        }
+settings! {
+    /// The parameter set of a world, in addition to its physical numbers.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub(crate) struct WorldParams("world") {
+        /// `implicitfast`, or the simulator's `euler`.
+        pub(crate) integrator: Integrator = Integrator::ImplicitFast;
+        /// Shape of friction: `pyramidal`, or the simulator's `elliptic`.
+        pub(crate) cone: Cone = Cone::Pyramidal;
+        /// Turn of the keyboard about its middle, counter-clockwise from above, rad. Its place and
+        /// height are physical numbers: `keyboard.depth`, `keyboard.lateral`, `keyboard.height`.
+        pub(crate) keyboard_yaw_rad: f64 = 0.0, -0.05..=0.05;
+        /// Whether the hand has a weight. Without one, the twin's rig has no feed-forward against
+        /// it.
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        pub(crate) gravity: bool = false;
     }
 }
 
-/// The parameter set of a hand. Encoder readings are in whole counts, as the wire has them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct HandParams {
-    /// Torque at full duty of the four joints of a finger, N·m.
-    pub(crate) full_torque_nm: [f64; FINGER],
-    /// Duty that moves nothing, in counts of PWM; more of it counts from there.
-    pub(crate) dead_pwm: u16,
-    /// Speed at full duty of a joint that nothing holds, rad/s: the motor's own voltage takes the
-    /// torque away as it turns. Without it the torque does not depend on the speed.
-    pub(crate) no_load_rad_per_sec: Option<f64>,
-    /// Dry friction of a finger's joint at rest, as a multiple of that on its way
-    /// (`joint.*.friction`).
-    pub(crate) friction_at_rest: f64,
-    /// Play between a joint's encoder and its link, rad: so far the link turns back before the
-    /// encoder follows.
-    pub(crate) encoder_backlash_rad: f64,
-    /// Play between a motor and its joint, rad: so far the motor turns without the joint before its
-    /// torque has an effect. The encoder is on the joint's side of it.
-    pub(crate) motor_backlash_rad: f64,
-    /// Time constant of the hand's own filter on its positions, s; 0 is none.
-    pub(crate) filter_secs: f64,
-    /// Encoder readings are off by up to so many counts, evenly.
-    pub(crate) noise_counts: u16,
-    /// The hand's clock runs this much faster than the host's, as a share.
-    pub(crate) clock_skew: f64,
-    /// Torque is cut when no torque frame came for so long, s; with none it is held without limit,
-    /// as is to be expected.
-    pub(crate) torque_timeout_secs: Option<f64>,
-}
-
-impl Default for HandParams {
-    fn default() -> Self {
-        Self {
-            full_torque_nm: [1.0; FINGER],
-            dead_pwm: 0,
-            no_load_rad_per_sec: None,
-            friction_at_rest: 1.0,
-            encoder_backlash_rad: 0.0,
-            motor_backlash_rad: 0.0,
-            filter_secs: 0.0,
-            noise_counts: 1,
-            clock_skew: 0.0,
-            torque_timeout_secs: None,
-        }
+settings! {
+    /// The parameter set of a hand. Encoder readings are in whole counts, as the wire has them.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub(crate) struct HandParams("hand") {
+        /// Torque at full duty of the four joints of a finger, N·m.
+        pub(crate) full_torque_nm: [f64; FINGER] = [1.0; FINGER], 0.0..=10.0;
+        /// Duty that moves nothing, in counts of PWM; more of it counts from there.
+        pub(crate) dead_pwm: u16 = 0, 0.0..=100.0;
+        /// Speed at full duty of a joint that nothing holds, rad/s: the motor's own voltage takes
+        /// the torque away as it turns. Without it the torque does not depend on the speed.
+        pub(crate) no_load_rad_per_sec: Option<f64> = None, 2.0..=100.0;
+        /// Dry friction of a finger's joint at rest, as a multiple of that on its way
+        /// (`joint.*.friction`).
+        pub(crate) friction_at_rest: f64 = 1.0, 1.0..=5.0;
+        /// Play between a joint's encoder and its link, rad: so far the link turns back before the
+        /// encoder follows.
+        pub(crate) encoder_backlash_rad: f64 = 0.0, 0.0..=0.1;
+        /// Play between a motor and its joint, rad: so far the motor turns without the joint before
+        /// its torque has an effect. The encoder is on the joint's side of it.
+        pub(crate) motor_backlash_rad: f64 = 0.0, 0.0..=0.1;
+        /// Time constant of the hand's own filter on its positions, s; 0 is none.
+        pub(crate) filter_secs: f64 = 0.0, 0.0..=0.1;
+        /// Encoder readings are off by up to so many counts, evenly.
+        pub(crate) noise_counts: u16 = 1;
+        /// The hand's clock runs this much faster than the host's, as a share.
+        pub(crate) clock_skew: f64 = 0.0, -0.01..=0.01;
+        /// Torque is cut when no torque frame came for so long, s; with none it is held without
+        /// limit, as is to be expected.
+        pub(crate) torque_timeout_secs: Option<f64> = None, 0.0..=60.0;
     }
 }
 
-/// The parameter set of an arm.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct ArmParams {
-    /// Time from a servo target's arrival until it takes effect, s.
-    pub(crate) delay_secs: f64,
-    /// How fast the joints close in on a servo target, Hz.
-    pub(crate) bandwidth_hz: f64,
-    /// With it the joints follow as a mass on a spring of that frequency with this damping ratio,
-    /// and overshoot below 1.
-    pub(crate) damping_ratio: Option<f64>,
-    /// Stiffness of the hand's place along the keyboard, N/m.
-    pub(crate) stiffness: f64,
-    /// Damping of it, N·s/m.
-    pub(crate) damping: f64,
-    /// How the hand is turned on the arm, rad: about the axis toward the player, and about the
-    /// keyboard's length.
-    pub(crate) tilt_rad: [f64; 2],
-    /// How much lower the hand hangs at the ends of the keyboard than in its middle, m: the farther
-    /// the arm reaches, the more it bends.
-    pub(crate) sag_m: f64,
-    /// Kinematic error: how far the hand is off its place at most in each of three directions, m.
-    pub(crate) error_m: f64,
-    /// The way along the keyboard after which that error repeats, m.
-    pub(crate) error_period_m: f64,
-}
-
-impl Default for ArmParams {
-    fn default() -> Self {
-        Self {
-            delay_secs: 0.01,
-            bandwidth_hz: 10.0,
-            damping_ratio: None,
-            stiffness: 40_000.0,
-            damping: 1000.0,
-            tilt_rad: [0.0; 2],
-            sag_m: 0.0,
-            error_m: 0.0,
-            error_period_m: 0.2,
-        }
+settings! {
+    /// The parameter set of an arm.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub(crate) struct ArmParams("arm") {
+        /// Time from a servo target's arrival until it takes effect, s.
+        pub(crate) delay_secs: f64 = 0.01, 0.0..=0.5;
+        /// How fast the joints close in on a servo target, Hz.
+        pub(crate) bandwidth_hz: f64 = 10.0, 0.5..=100.0;
+        /// With it the joints follow as a mass on a spring of that frequency with this damping
+        /// ratio, and overshoot below 1.
+        pub(crate) damping_ratio: Option<f64> = None, 0.2..=2.0;
+        /// Stiffness of the hand's place along the keyboard, N/m.
+        pub(crate) stiffness: f64 = 40_000.0, 100.0..=1e6;
+        /// Damping of it, N·s/m.
+        pub(crate) damping: f64 = 1000.0, 1.0..=1e5;
+        /// How the hand is turned on the arm, rad: about the axis toward the player, and about the
+        /// keyboard's length.
+        pub(crate) tilt_rad: [f64; 2] = [0.0; 2], -0.05..=0.05;
+        /// How much lower the hand hangs at the ends of the keyboard than in its middle, m: the
+        /// farther the arm reaches, the more it bends.
+        pub(crate) sag_m: f64 = 0.0, -0.01..=0.01;
+        /// Kinematic error: how far the hand is off its place at most in each of three directions,
+        /// m.
+        pub(crate) error_m: f64 = 0.0, 0.0..=0.005;
+        /// The way along the keyboard after which that error repeats, m.
+        pub(crate) error_period_m: f64 = 0.2, 0.02..=1.0;
     }
 }
 
-/// The parameter set of the keys, in addition to their physical numbers. Each has two contacts: the
-/// second is at the physical `key.threshold`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct KeyParams {
-    /// Keys' thresholds lie within so much of `key.threshold`, as a share of it, evenly.
-    pub(crate) threshold_spread: f64,
-    /// The same of their springs and `key.stiffness`.
-    pub(crate) stiffness_spread: f64,
-    /// Travel of every key as a multiple of the simulator's.
-    pub(crate) travel: f64,
-    /// Where the first contact closes, as a share of travel.
-    pub(crate) first_contact: f64,
-    /// Time between the contacts of a key that sounds with the greatest velocity, s.
-    pub(crate) loudest_secs: f64,
-    /// The same with the least velocity, s.
-    pub(crate) softest_secs: f64,
-}
-
-impl Default for KeyParams {
-    fn default() -> Self {
-        Self {
-            threshold_spread: 0.0,
-            stiffness_spread: 0.0,
-            travel: 1.0,
-            first_contact: 0.3,
-            loudest_secs: etude_stage::LOUDEST_SECS,
-            softest_secs: etude_stage::SOFTEST_SECS,
-        }
+settings! {
+    /// The parameter set of the keys, in addition to their physical numbers. Each has two contacts:
+    /// the second is at the physical `key.threshold`.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub(crate) struct KeyParams("keys") {
+        /// Keys' thresholds lie within so much of `key.threshold`, as a share of it, evenly.
+        pub(crate) threshold_spread: f64 = 0.0, 0.0..=0.5;
+        /// The same of their springs and `key.stiffness`.
+        pub(crate) stiffness_spread: f64 = 0.0, 0.0..=0.9;
+        /// Travel of every key as a multiple of the simulator's.
+        pub(crate) travel: f64 = 1.0, 0.5..=1.5;
+        /// Where the first contact closes, as a share of travel.
+        pub(crate) first_contact: f64 = 0.3, CONTACT_GAP..;
+        /// Time between the contacts of a key that sounds with the greatest velocity, s.
+        pub(crate) loudest_secs: f64 = etude_stage::LOUDEST_SECS, 1e-4..=0.1;
+        /// The same with the least velocity, s: at least twice as long.
+        pub(crate) softest_secs: f64 = etude_stage::SOFTEST_SECS, ..=10.0;
     }
 }
 
@@ -247,40 +200,16 @@ impl Numbers {
     /// Whether a twin can have it; links and keyboard are checked where they are made.
     pub(crate) fn check(&self) -> Result<(), TwinParamsError> {
         let params = self.params()?;
-        let (hand, arm, keys) = (&self.hand, &self.arm, &self.keys);
-        let threshold = params.world(WorldRow::KeyThreshold);
-        let highest_spread = ((1.0 - CONTACT_GAP) / threshold - 1.0).min(0.5);
+        self.world.check_ranges()?;
+        self.hand.check_ranges()?;
+        self.arm.check_ranges()?;
+        self.keys.check_ranges()?;
+        let (keys, threshold) = (&self.keys, params.world(WorldRow::KeyThreshold));
+        let highest_spread = (1.0 - CONTACT_GAP) / threshold - 1.0;
         let latest_first = threshold * (1.0 - keys.threshold_spread) - CONTACT_GAP;
-        let rows = [
-            ("world.keyboard_yaw_rad", self.world.keyboard_yaw_rad, -0.05..=0.05),
-            ("hand.dead_pwm", hand.dead_pwm.into(), 0.0..=100.0),
-            ("hand.friction_at_rest", hand.friction_at_rest, 1.0..=5.0),
-            ("hand.encoder_backlash_rad", hand.encoder_backlash_rad, 0.0..=0.1),
-            ("hand.motor_backlash_rad", hand.motor_backlash_rad, 0.0..=0.1),
-            ("hand.no_load_rad_per_sec", hand.no_load_rad_per_sec.unwrap_or(10.0), 2.0..=100.0),
-            ("hand.filter_secs", hand.filter_secs, 0.0..=0.1),
-            ("hand.clock_skew", hand.clock_skew, -0.01..=0.01),
-            ("hand.torque_timeout_secs", hand.torque_timeout_secs.unwrap_or(0.0), 0.0..=60.0),
-            ("arm.delay_secs", arm.delay_secs, 0.0..=0.5),
-            ("arm.bandwidth_hz", arm.bandwidth_hz, 0.5..=100.0),
-            ("arm.damping_ratio", arm.damping_ratio.unwrap_or(1.0), 0.2..=2.0),
-            ("arm.sag_m", arm.sag_m, -0.01..=0.01),
-            ("arm.error_m", arm.error_m, 0.0..=0.005),
-            ("arm.error_period_m", arm.error_period_m, 0.02..=1.0),
-            ("arm.stiffness", arm.stiffness, 100.0..=1e6),
-            ("arm.damping", arm.damping, 1.0..=1e5),
-            ("keys.threshold_spread", keys.threshold_spread, 0.0..=highest_spread),
-            ("keys.stiffness_spread", keys.stiffness_spread, 0.0..=0.9),
-            ("keys.travel", keys.travel, 0.5..=1.5),
-            ("keys.first_contact", keys.first_contact, CONTACT_GAP..=latest_first),
-            ("keys.loudest_secs", keys.loudest_secs, 1e-4..=0.1),
-            ("keys.softest_secs", keys.softest_secs, 2.0 * keys.loudest_secs..=10.0),
-        ];
-        let torques = hand.full_torque_nm.map(|torque| ("hand.full_torque_nm", torque, 0.0..=10.0));
-        let tilts = arm.tilt_rad.map(|tilt| ("arm.tilt_rad", tilt, -0.05..=0.05));
-        for (name, value, range) in rows.into_iter().chain(torques).chain(tilts) {
-            check_range(name, value, range)?;
-        }
+        check_range("keys.threshold_spread", keys.threshold_spread, ..=highest_spread)?;
+        check_range("keys.first_contact", keys.first_contact, ..=latest_first)?;
+        check_range("keys.softest_secs", keys.softest_secs, 2.0 * keys.loudest_secs..)?;
         Ok(self.faults.iter().try_for_each(OrderedFault::check)?)
     }
 }

@@ -1,46 +1,35 @@
 //! Settings of the hand, and their ranges.
 
-use etude_checks::{RangeError, check_range};
+use etude_checks::{RangeError, check_range, settings};
 use serde::{Deserialize, Serialize};
 
 use super::limits::{PWM_LIMITS, WIRE_JOINTS};
 use super::messages::{DeviceId, HandSide};
 
-/// Settings of the hand.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct HandConfig {
-    /// Which hand on the bus, 0 to 3.
-    pub device_id: DeviceId,
-    /// The hand that must answer: `left` or `right`.
-    pub side: HandSide,
-    /// Period of the position frames, and so of the joint loop, ms.
-    pub period_ms: u16,
-    /// Largest PWM of each flat joint; at most [`PWM_LIMITS`].
-    pub pwm_limit: [i16; WIRE_JOINTS],
-    /// Longest start, from the first question to the first positions with the servo on, s.
-    pub start_timeout_secs: f64,
-    /// Oldest position of any finger that torque may still be computed from, s.
-    pub stale_after_secs: f64,
-    /// Hottest board, °C. Parts of the commercial grade are specified up to 70 °C.
-    pub max_board_celsius: u8,
-    /// Hottest joint, °C. The sensor is not in the winding, which runs some 20 °C hotter and bears
-    /// about 85.
-    pub max_joint_celsius: u8,
-}
-
-impl Default for HandConfig {
-    fn default() -> Self {
-        Self {
-            device_id: DeviceId::default(),
-            side: HandSide::default(),
-            period_ms: 3,
-            pwm_limit: PWM_LIMITS,
-            start_timeout_secs: 2.0,
-            stale_after_secs: 0.015,
-            max_board_celsius: 70,
-            max_joint_celsius: 65,
-        }
+settings! {
+    /// Settings of the hand.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct HandConfig("hand") {
+        /// Which hand on the bus, 0 to 3.
+        pub device_id: DeviceId = DeviceId::default();
+        /// The hand that must answer: `left` or `right`.
+        pub side: HandSide = HandSide::default();
+        /// Period of the position frames, and so of the joint loop, ms. The hand is made for 3 ms.
+        pub period_ms: u16 = 3, 1.0..=20.0;
+        /// Largest PWM of each flat joint; at most [`PWM_LIMITS`].
+        pub pwm_limit: [i16; WIRE_JOINTS] = PWM_LIMITS;
+        /// Longest start, from the first question to the first positions with the servo on, s.
+        pub start_timeout_secs: f64 = 2.0, 0.5..=30.0;
+        /// Oldest position of any finger that torque may still be computed from, s: at least three
+        /// periods. After more than 0.1 s a held torque could have run a joint at 7 rad/s through
+        /// half its range.
+        pub stale_after_secs: f64 = 0.015, ..=0.1;
+        /// Hottest board, °C. Parts of the commercial grade are specified up to 70 °C.
+        pub max_board_celsius: u8 = 70, 30.0..=85.0;
+        /// Hottest joint, °C. The sensor is not in the winding, which runs some 20 °C hotter and
+        /// bears about 85.
+        pub max_joint_celsius: u8 = 65, 30.0..=85.0;
     }
 }
 
@@ -53,20 +42,9 @@ impl HandConfig {
         for (joint, (&value, limit)) in self.pwm_limit.iter().zip(PWM_LIMITS).enumerate() {
             check_range(format!("hand.pwm_limit[{joint}]"), value.into(), 0.0..=limit.into())?;
         }
+        self.check_ranges()?;
         let three_periods = f64::from(3 * u32::from(self.period_ms)) / 1000.0;
-        for (name, value, range) in [
-            // The hand is made for 3 ms.
-            ("hand.period_ms", self.period_ms.into(), 1.0..=20.0),
-            ("hand.start_timeout_secs", self.start_timeout_secs, 0.5..=30.0),
-            // Longer than this, and a held torque could run a joint at 7 rad/s through half its
-            // range.
-            ("hand.stale_after_secs", self.stale_after_secs, three_periods..=0.1),
-            ("hand.max_board_celsius", self.max_board_celsius.into(), 30.0..=85.0),
-            ("hand.max_joint_celsius", self.max_joint_celsius.into(), 30.0..=85.0),
-        ] {
-            check_range(name, value, range)?;
-        }
-        Ok(())
+        check_range("hand.stale_after_secs", self.stale_after_secs, three_periods..)
     }
 }
 

@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use etude_checks::{RangeError, check_range};
+use etude_checks::{RangeError, settings};
 use serde::{Deserialize, Serialize};
 
 use super::gravity::holding_torques;
@@ -16,37 +16,20 @@ use super::limits::WIRE_JOINTS;
 /// Differences over less than this are noise: the older reading is kept until more time has passed.
 const MIN_SECS: f64 = 0.0005;
 
-/// Gains, one a joint of a finger, the same for all fingers and the thumb.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct JointLoopConfig {
-    /// Stiffness, PWM / rad. The default is 3.0 of full scale 1200 for each rad.
-    pub kp: [f64; 4],
-    /// Damping, PWM / (rad/s). The default is 0.1 of full scale 1200 for each rad/s.
-    pub kd: [f64; 4],
-    /// Cut-off of the velocity's low-pass, Hz.
-    pub velocity_filter_hz: f64,
-    /// PWM for each N·m that holds the fingers against gravity; 0 for none. The default is the full
-    /// scale for 1 N·m.
-    pub gravity_pwm_per_nm: f64,
-}
-
-impl Default for JointLoopConfig {
-    fn default() -> Self {
-        Self { kp: [3600.0; 4], kd: [120.0; 4], velocity_filter_hz: 30.0, gravity_pwm_per_nm: 1200.0 }
-    }
-}
-
-impl JointLoopConfig {
-    /// Checks every gain.
-    ///
-    /// # Errors
-    /// Names the first one that is out of its range.
-    pub fn check(&self) -> Result<(), RangeError> {
-        self.kp.iter().try_for_each(|&gain| check_range("joint_loop.kp", gain, 0.0..=20_000.0))?;
-        self.kd.iter().try_for_each(|&gain| check_range("joint_loop.kd", gain, 0.0..=1_000.0))?;
-        check_range("joint_loop.gravity_pwm_per_nm", self.gravity_pwm_per_nm, 0.0..=3600.0)?;
-        check_range("joint_loop.velocity_filter_hz", self.velocity_filter_hz, 1.0..=1000.0)
+settings! {
+    /// Gains, one a joint of a finger, the same for all fingers and the thumb.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct JointLoopConfig("joint_loop") {
+        /// Stiffness, PWM / rad. The default is 3.0 of full scale 1200 for each rad.
+        pub kp: [f64; 4] = [3600.0; 4], 0.0..=20_000.0;
+        /// Damping, PWM / (rad/s). The default is 0.1 of full scale 1200 for each rad/s.
+        pub kd: [f64; 4] = [120.0; 4], 0.0..=1_000.0;
+        /// Cut-off of the velocity's low-pass, Hz.
+        pub velocity_filter_hz: f64 = 30.0, 1.0..=1000.0;
+        /// PWM for each N·m that holds the fingers against gravity; 0 for none. The default is the
+        /// full scale for 1 N·m.
+        pub gravity_pwm_per_nm: f64 = 1200.0, 0.0..=3600.0;
     }
 }
 
@@ -64,7 +47,7 @@ impl JointLoop {
     /// # Errors
     /// If a gain is out of its range.
     pub fn new(config: &JointLoopConfig) -> Result<Self, RangeError> {
-        config.check()?;
+        config.check_ranges()?;
         Ok(Self { config: config.clone(), last: None, velocities: [0.0; WIRE_JOINTS] })
     }
 

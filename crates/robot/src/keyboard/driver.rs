@@ -170,18 +170,18 @@ impl Keyboard {
     /// # Errors
     /// If a setting makes no sense.
     pub fn new(config: &KeyboardConfig) -> Result<Self, RangeError> {
-        let (lowest_pitch, stuck_after, sensing_timeout) = config.resolve()?;
+        config.check_ranges()?;
         Ok(Self {
-            lowest_pitch,
-            stuck_after,
-            sensing_timeout,
+            lowest_pitch: config.lowest_pitch,
+            stuck_after: Duration::from_secs_f64(config.stuck_after_secs),
+            sensing_timeout: Duration::from_secs_f64(config.sensing_timeout_secs),
             parser: MidiParser::new(),
             state: KeyboardState::Absent,
             pressed: 0,
             seen: 0,
             pressed_at: [Duration::ZERO; KEY_COUNT],
             sensed_at: None,
-            shift_watch: ShiftWatch::new(lowest_pitch),
+            shift_watch: ShiftWatch::new(config.lowest_pitch),
             shift: None,
             stuck_now: 0,
             stuck: 0,

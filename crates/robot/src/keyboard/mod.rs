@@ -10,7 +10,7 @@ mod shift;
 mod source;
 mod transport;
 
-pub use config::{KeyboardConfig, check_lowest_pitch, positive_secs};
+pub use config::{KeyboardConfig, MAX_LOWEST_PITCH};
 pub use driver::{KeyChange, Keyboard, KeyboardState, KeyboardWarning, LossReason};
 pub use parser::{MidiEvent, MidiParser};
 pub use port::MidiPort;

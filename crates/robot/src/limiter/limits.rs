@@ -1,13 +1,10 @@
 //! The limits of a set-point.
 
-use serde::{Deserialize, Serialize};
-
 /// Longest time that stopping from full speed may take, s.
 const MAX_STOP_SECS: f64 = 10.0;
 
 /// The limits of a set-point. Rad and s; m and s for the rail.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisLimits {
     /// Smallest and largest position.
     pub position: [f64; 2],
@@ -20,7 +17,8 @@ pub struct AxisLimits {
 }
 
 impl AxisLimits {
-    /// Checks that these are limits.
+    /// Checks that there is a range, and that stopping does not take too long. Speed, acceleration
+    /// and jerk have ranges in the rig's settings.
     ///
     /// # Errors
     /// Names the first that is not.
@@ -28,13 +26,6 @@ impl AxisLimits {
         let [low, high] = self.position;
         if !(low.is_finite() && high.is_finite() && low < high) {
             return Err(format!("the position range {low} … {high} is empty"));
-        }
-        for (name, value) in
-            [("velocity", self.velocity), ("acceleration", self.acceleration), ("jerk", self.jerk)]
-        {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(format!("the {name} limit {value} is not a positive number"));
-            }
         }
         let stopping_secs = self.velocity / self.acceleration + self.acceleration / self.jerk;
         if stopping_secs > MAX_STOP_SECS {

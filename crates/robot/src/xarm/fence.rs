@@ -4,8 +4,7 @@
 //! Our own set-points keep a margin from its sides, so that the controller's check is the second
 //! one.
 
-use std::ops::RangeInclusive;
-
+use etude_checks::{RangeError, check_range};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -66,18 +65,15 @@ impl Fence {
         Self(sides)
     }
 
-    /// What [`ArmConfig`](super::ArmConfig) checks: name, value and range of each side.
-    pub(super) fn sides(self) -> impl Iterator<Item = (&'static str, f64, RangeInclusive<f64>)> {
-        const NAMES: [[&str; 2]; 3] = [
-            ["fence_mm (lowest x)", "fence_mm (highest x)"],
-            ["fence_mm (lowest y)", "fence_mm (highest y)"],
-            ["fence_mm (lowest z)", "fence_mm (highest z)"],
-        ];
-        NAMES.into_iter().zip(self.0).zip(MAX_SIDES_MM).flat_map(|((names, side), widest)| {
+    /// What [`ArmConfig`](super::ArmConfig) checks.
+    pub(super) fn check(self) -> Result<(), RangeError> {
+        let least = f64::from(MIN_SIDE_MM);
+        for ((axis, side), widest) in AXES.into_iter().zip(self.0).zip(MAX_SIDES_MM) {
             let ([low, high], [min, max]) = (side.map(f64::from), widest.map(f64::from));
-            let least = f64::from(MIN_SIDE_MM);
-            [(names[0], low, min..=max - least), (names[1], high, low + least..=max)]
-        })
+            check_range(format!("arm.fence_mm (lowest {axis})"), low, min..=max - least)?;
+            check_range(format!("arm.fence_mm (highest {axis})"), high, low + least..=max)?;
+        }
+        Ok(())
     }
 
     /// Whether our motion may bring the flange here.

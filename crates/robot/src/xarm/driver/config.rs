@@ -3,73 +3,52 @@
 use std::f64::consts::PI;
 use std::time::Duration;
 
-use etude_checks::{RangeError, check_range};
+use etude_checks::{RangeError, settings};
 use serde::{Deserialize, Serialize};
 
 use crate::xarm::fence::Fence;
 
-/// Settings of the arm's driver.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ArmConfig {
-    /// Mass of hand, adapter and cables, kg. Wrong values look like collisions to the controller.
-    pub payload_kg: f64,
-    /// Its centre of mass in the flange's frame, mm.
-    pub payload_centre_mm: [f64; 3],
-    /// How easily the controller sees a collision, 0 (never) to 5.
-    pub collision_sensitivity: u8,
-    /// Box that the flange must stay in, mm in the frame of the arm's base: lowest and highest x,
-    /// y, z. Without one, the controller keeps its own setting.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub fence_mm: Option<Fence>,
-    /// Jerk of straight moves that the arm plans itself, m/s³.
-    pub tcp_jerk_m_s3: f64,
-    /// Largest acceleration of them, m/s².
-    pub tcp_acceleration_m_s2: f64,
-    /// Jerk of joint moves that the arm plans itself, rad/s³.
-    pub joint_jerk_rad_s3: f64,
-    /// Largest acceleration of them, rad/s².
-    pub joint_acceleration_rad_s2: f64,
-    /// Targets a second, 100 to 250.
-    pub servo_hz: f64,
-    /// A target that needs a faster joint is refused, rad/s.
-    pub joint_speed_limit_rad_s: f64,
-    /// A target that needs a faster flange is refused, m/s. The controller itself stops at 1.2.
-    pub tcp_speed_limit_m_s: f64,
-    /// A joint farther than this from its target counts as stuck, rad.
-    pub following_limit_rad: f64,
-    /// A servo target or a question not answered within this is a fault, s.
-    pub reply_timeout_secs: f64,
-    /// Reports come every 0.01 s; the newest being older than this is a fault, s.
-    pub report_stale_after_secs: f64,
-    /// How long each change of mode may take until the arm is ready, s.
-    pub start_timeout_secs: f64,
-}
-
-impl Default for ArmConfig {
-    /// Payload: the paper's hand (lasr-lab/learning-to-play-piano). Limits and rates: the xArm user
-    /// manual; for the flange, below the speed at which the controller stops.
-    fn default() -> Self {
-        Self {
-            payload_kg: 1.091,
-            payload_centre_mm: [-9.72, 18.38, 157.69],
-            collision_sensitivity: 3,
-            fence_mm: None,
-            // The controller's default jerks and largest accelerations (xArm user manual). They
-            // replace what another program has set. Servo mode is documented to use the largest
-            // acceleration, which may be this one.
-            tcp_jerk_m_s3: 7.0,
-            tcp_acceleration_m_s2: 50.0,
-            joint_jerk_rad_s3: 200.0,
-            joint_acceleration_rad_s2: 19.98,
-            servo_hz: 200.0,
-            joint_speed_limit_rad_s: PI,
-            tcp_speed_limit_m_s: 1.0,
-            following_limit_rad: 0.4,
-            reply_timeout_secs: 0.25,
-            report_stale_after_secs: 0.1,
-            start_timeout_secs: 5.0,
-        }
+settings! {
+    /// Settings of the arm's driver. Limits, rates and ranges: the xArm user manual.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ArmConfig("arm") {
+        /// Mass of hand, adapter and cables, kg. Wrong values look like collisions to the
+        /// controller. The default is the paper's hand (lasr-lab/learning-to-play-piano).
+        pub payload_kg: f64 = 1.091, 0.0..=3.5;
+        /// Its centre of mass in the flange's frame, mm.
+        pub payload_centre_mm: [f64; 3] = [-9.72, 18.38, 157.69], -500.0..=500.0;
+        /// How easily the controller sees a collision, 0 (never) to 5.
+        pub collision_sensitivity: u8 = 3, 0.0..=5.0;
+        /// Box that the flange must stay in, mm in the frame of the arm's base: lowest and highest
+        /// x, y, z. Without one, the controller keeps its own setting.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub fence_mm: Option<Fence> = None;
+        // The controller's default jerks and largest accelerations. They replace what another
+        // program has set. Servo mode is documented to use the largest acceleration, which may be
+        // this one. With smaller values than the least a move home would take minutes.
+        /// Jerk of straight moves that the arm plans itself, m/s³.
+        pub tcp_jerk_m_s3: f64 = 7.0, 0.1..=100.0;
+        /// Largest acceleration of them, m/s².
+        pub tcp_acceleration_m_s2: f64 = 50.0, 0.1..=50.0;
+        /// Jerk of joint moves that the arm plans itself, rad/s³.
+        pub joint_jerk_rad_s3: f64 = 200.0, 1.0..=499.9;
+        /// Largest acceleration of them, rad/s².
+        pub joint_acceleration_rad_s2: f64 = 19.98, 0.1..=19.98;
+        /// Targets a second, 100 to 250.
+        pub servo_hz: f64 = 200.0, 100.0..=250.0;
+        /// A target that needs a faster joint is refused, rad/s.
+        pub joint_speed_limit_rad_s: f64 = PI, 0.01..=PI;
+        /// A target that needs a faster flange is refused, m/s. The controller itself stops at 1.2.
+        pub tcp_speed_limit_m_s: f64 = 1.0, 0.01..=1.2;
+        /// A joint farther than this from its target counts as stuck, rad.
+        pub following_limit_rad: f64 = 0.4, 0.01..=PI;
+        /// A servo target or a question not answered within this is a fault, s.
+        pub reply_timeout_secs: f64 = 0.25, 0.01..=10.0;
+        /// Reports come every 0.01 s; the newest being older than this is a fault, s.
+        pub report_stale_after_secs: f64 = 0.1, 0.02..=10.0;
+        /// How long each change of mode may take until the arm is ready, s.
+        pub start_timeout_secs: f64 = 5.0, 0.1..=60.0;
     }
 }
 
@@ -79,31 +58,8 @@ impl ArmConfig {
     /// # Errors
     /// Names the first one that is out of range.
     pub fn check(&self) -> Result<(), RangeError> {
-        let [x, y, z] = self.payload_centre_mm;
-        let rows = [
-            ("payload_kg", self.payload_kg, 0.0..=3.5),
-            ("payload_centre_mm (x)", x, -500.0..=500.0),
-            ("payload_centre_mm (y)", y, -500.0..=500.0),
-            ("payload_centre_mm (z)", z, -500.0..=500.0),
-            ("collision_sensitivity", self.collision_sensitivity.into(), 0.0..=5.0),
-            // The largest values are the controller's; with smaller ones than the least a move home
-            // would take minutes.
-            ("tcp_jerk_m_s3", self.tcp_jerk_m_s3, 0.1..=100.0),
-            ("tcp_acceleration_m_s2", self.tcp_acceleration_m_s2, 0.1..=50.0),
-            ("joint_jerk_rad_s3", self.joint_jerk_rad_s3, 1.0..=499.9),
-            ("joint_acceleration_rad_s2", self.joint_acceleration_rad_s2, 0.1..=19.98),
-            ("servo_hz", self.servo_hz, 100.0..=250.0),
-            ("joint_speed_limit_rad_s", self.joint_speed_limit_rad_s, 0.01..=PI),
-            ("tcp_speed_limit_m_s", self.tcp_speed_limit_m_s, 0.01..=1.2),
-            ("following_limit_rad", self.following_limit_rad, 0.01..=PI),
-            ("reply_timeout_secs", self.reply_timeout_secs, 0.01..=10.0),
-            ("report_stale_after_secs", self.report_stale_after_secs, 0.02..=10.0),
-            ("start_timeout_secs", self.start_timeout_secs, 0.1..=60.0),
-        ];
-        let sides = self.fence_mm.map(Fence::sides).into_iter().flatten();
-        rows.into_iter()
-            .chain(sides)
-            .try_for_each(|(name, value, range)| check_range(format!("arm.{name}"), value, range))
+        self.check_ranges()?;
+        self.fence_mm.map_or(Ok(()), Fence::check)
     }
 
     /// Time between two targets.
@@ -123,7 +79,7 @@ mod tests {
         let odd: [(&str, Spoil); 11] = [
             ("servo_hz", |config| config.servo_hz = 251.0),
             ("payload_kg", |config| config.payload_kg = f64::NAN),
-            ("payload_centre_mm (z)", |config| config.payload_centre_mm[2] = 1577.0),
+            ("payload_centre_mm[2]", |config| config.payload_centre_mm[2] = 1577.0),
             ("collision_sensitivity", |config| config.collision_sensitivity = 6),
             // 1145 °/s², 28647 °/s³, 50000 mm/s² and 100000 mm/s³ are the most that the controller
             // takes.
