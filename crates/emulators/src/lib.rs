@@ -39,7 +39,7 @@ mod keyboard;
 mod midi_server;
 mod virtual_bus;
 
-pub use arm::{ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, ConnectionId, Reach, ReportKind};
+pub use arm::{ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, ConnectionId, ReportKind};
 pub use free_hand::FreeHand;
 pub use hand::{HandEmulator, HandEmulatorConfig};
 pub use keyboard::{KeyboardEmulator, KeyboardEmulatorConfig, Line, ReleaseCoding};

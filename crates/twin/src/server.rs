@@ -6,13 +6,12 @@
 //! (`[links.arm]`) are for [`Lockstep`] only; those that are ordered for a time (`[[faults]]`)
 //! happen here as there.
 
-use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use etude_emulators::faults::FaultKind;
-use etude_emulators::{ArmPorts, ArmServer, MidiServer, Reach, VirtualBus};
+use etude_emulators::{ArmPorts, ArmServer, MidiServer, ReportKind, VirtualBus};
 use etude_robot::calibration::{CalibrationError, RailPath};
 use etude_robot::can::{CanError, CanTransport as _, VirtualBusTransport};
 use etude_robot::keyboard::MidiError;
@@ -95,14 +94,13 @@ impl TwinServer {
         let bus = VirtualBusTransport::connect(&can)?;
         let outlet = MidiServer::bind(&midi)?;
         let port_error = |error: std::io::Error| file(Path::new("127.0.0.1"), error.to_string());
-        let arm = ArmServer::bind(IpAddr::V4(Ipv4Addr::LOCALHOST), ports, Reach::ThisMachine)
-            .map_err(port_error)?;
+        let arm = ArmServer::bind(ports).map_err(port_error)?;
         let bound = arm.ports().map_err(port_error)?;
         let rig_path = folder.join(format!("{RIG}.toml"));
         let mut config = twin_params.fitting(RigConfig { name: RIG.to_string(), ..rig.clone() });
         config.wires = WiresConfig {
             can: format!("bus:{}", can.display()),
-            arm: format!("127.0.0.1:{}:{}", bound.command, bound.real),
+            arm: format!("127.0.0.1:{}:{}", bound.command, bound.of(ReportKind::Real)),
             midi: format!("midi:{}", midi.display()),
         };
         config.hand.stale_after_secs = config.hand.stale_after_secs.max(HELD_UP_SECS);

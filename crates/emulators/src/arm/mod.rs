@@ -19,5 +19,5 @@ mod settings;
 mod state;
 
 pub use emulator::{ArmEmulator, ArmEmulatorConfig};
-pub use server::{ArmPorts, ArmServer, Reach};
+pub use server::{ArmPorts, ArmServer};
 pub use state::{ConnectionId, ReportKind};

@@ -1,10 +1,10 @@
 //! Serves the emulated arm on TCP sockets.
 //!
 //! It never listens on a Unix socket, because xArm-Python-SDK prefers such a socket to the real
-//! robot. Without [`Reach::Everyone`] only programs on this machine can connect.
+//! robot. Only programs on this machine can connect.
 
 use std::io::{self, ErrorKind};
-use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::time::Duration;
 
 use etude_robot::stream::{Outbox, read_available};
@@ -22,36 +22,25 @@ const MAX_UNREAD: usize = 1 << 16;
 pub struct ArmPorts {
     /// Commands.
     pub command: u16,
-    /// Reports at 5 Hz.
-    pub normal: u16,
-    /// Longer reports at 5 Hz.
-    pub rich: u16,
-    /// Reports at 100 Hz.
-    pub real: u16,
-    /// The longest reports, at 250 Hz.
-    pub control: u16,
+    /// Reports, in the order of [`ReportKind::ALL`].
+    pub reports: [u16; 4],
 }
 
 impl ArmPorts {
     /// Any free ports.
-    pub const FREE: Self = Self { command: 0, normal: 0, rich: 0, real: 0, control: 0 };
+    pub const FREE: Self = Self { command: 0, reports: [0; 4] };
+
+    /// The port of one kind of report.
+    pub fn of(&self, kind: ReportKind) -> u16 {
+        self.reports[kind as usize]
+    }
 }
 
 impl Default for ArmPorts {
     /// The robot's own ones (ufactory_docs). The first of them needs more than a user's rights.
     fn default() -> Self {
-        let [real, normal, rich, control] = ReportKind::ALL.map(|kind| kind.numbers().0);
-        Self { command: 502, normal, rich, real, control }
+        Self { command: 502, reports: ReportKind::ALL.map(|kind| kind.numbers().0) }
     }
-}
-
-/// Which programs may connect.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reach {
-    /// Programs on this machine.
-    ThisMachine,
-    /// Any program that reaches the address.
-    Everyone,
 }
 
 /// One port and its clients.
@@ -73,32 +62,17 @@ struct Client<T> {
 #[derive(Debug)]
 pub struct ArmServer {
     commands: Port<ConnectionId>,
-    reports: [(ReportKind, Port<()>); 4],
+    reports: Vec<Port<()>>,
 }
 
 impl ArmServer {
-    /// Listens on five ports of an address.
+    /// Listens on five ports of this machine.
     ///
     /// # Errors
-    /// If the address is of a network and only this machine is meant, or a port is taken or not
-    /// allowed.
-    pub fn bind(address: IpAddr, ports: ArmPorts, reach: Reach) -> io::Result<Self> {
-        if reach == Reach::ThisMachine && !address.is_loopback() {
-            return Err(io::Error::new(
-                ErrorKind::PermissionDenied,
-                format!(
-                    "{address} can be reached from other machines; use 127.0.0.1, or allow that explicitly"
-                ),
-            ));
-        }
-        let numbers = [ports.real, ports.normal, ports.rich, ports.control];
-        let mut bound = numbers.into_iter().map(|number| Port::bind(address, number));
-        let mut next = || bound.next().unwrap_or_else(|| Err(ErrorKind::InvalidInput.into()));
-        let [real, normal, rich, control] = ReportKind::ALL;
-        Ok(Self {
-            commands: Port::bind(address, ports.command)?,
-            reports: [(real, next()?), (normal, next()?), (rich, next()?), (control, next()?)],
-        })
+    /// If a port is taken or not allowed.
+    pub fn bind(ports: ArmPorts) -> io::Result<Self> {
+        let reports = ports.reports.into_iter().map(Port::bind).collect::<io::Result<_>>()?;
+        Ok(Self { commands: Port::bind(ports.command)?, reports })
     }
 
     /// The ports that it listens on.
@@ -107,14 +81,11 @@ impl ArmServer {
     /// If the system does not report them.
     pub fn ports(&self) -> io::Result<ArmPorts> {
         let number = |port: &TcpListener| port.local_addr().map(|address| address.port());
-        let [(_, real), (_, normal), (_, rich), (_, control)] = &self.reports;
-        Ok(ArmPorts {
-            command: number(&self.commands.listener)?,
-            normal: number(&normal.listener)?,
-            rich: number(&rich.listener)?,
-            real: number(&real.listener)?,
-            control: number(&control.listener)?,
-        })
+        let mut ports = ArmPorts { command: number(&self.commands.listener)?, ..ArmPorts::FREE };
+        for (number_of, port) in ports.reports.iter_mut().zip(&self.reports) {
+            *number_of = number(&port.listener)?;
+        }
+        Ok(ports)
     }
 
     /// In place of [`serve_once`](Self::serve_once) while connections are refused: closes all
@@ -123,8 +94,8 @@ impl ArmServer {
         emulator.advance(now);
         self.commands.hang_up(|id| emulator.disconnect(id));
         let mut unheard = Vec::new();
-        for (kind, port) in &mut self.reports {
-            emulator.take_reports(*kind, &mut unheard);
+        for (kind, port) in ReportKind::ALL.into_iter().zip(&mut self.reports) {
+            emulator.take_reports(kind, &mut unheard);
             port.hang_up(|()| {});
         }
     }
@@ -144,9 +115,9 @@ impl ArmServer {
         self.commands.flush(|id| emulator.disconnect(id));
         self.commands.accept(|| emulator.connect());
         let mut frames = Vec::new();
-        for (kind, port) in &mut self.reports {
+        for (kind, port) in ReportKind::ALL.into_iter().zip(&mut self.reports) {
             frames.clear();
-            emulator.take_reports(*kind, &mut frames);
+            emulator.take_reports(kind, &mut frames);
             for client in &mut port.clients {
                 client.read(|_| {});
                 client.push(&frames);
@@ -174,15 +145,15 @@ impl<T: Copy> Port<T> {
         while self.listener.accept().is_ok() {}
     }
 
-    fn bind(address: IpAddr, number: u16) -> io::Result<Self> {
-        let address = SocketAddr::new(address, number);
+    fn bind(number: u16) -> io::Result<Self> {
+        let address = (Ipv4Addr::LOCALHOST, number);
         let explain = |error: io::Error| {
             let advice = match error.kind() {
                 ErrorKind::PermissionDenied => "ports below 1024 need root; choose others",
                 ErrorKind::AddrInUse => "another program has it; stop that or choose another",
-                _ => "choose another address",
+                _ => "choose another",
             };
-            io::Error::new(error.kind(), format!("cannot listen on {address}: {error}; {advice}"))
+            io::Error::new(error.kind(), format!("cannot listen on port {number}: {error}; {advice}"))
         };
         let listener = TcpListener::bind(address).map_err(explain)?;
         listener.set_nonblocking(true).map_err(explain)?;

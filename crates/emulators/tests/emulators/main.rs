@@ -7,3 +7,4 @@ mod arm;
 mod hostile;
 mod keyboard;
 mod official_client;
+mod served;

@@ -2,35 +2,16 @@
 //! `scripts/check_xarm_calls.py`).
 
 use std::io::{BufRead as _, BufReader, Write as _};
-use std::net::{IpAddr, Ipv4Addr};
 use std::process::{Command, Stdio};
 use std::sync::mpsc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use etude_emulators::{ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, Reach};
+use etude_emulators::ReportKind;
+
+use super::served::ServedArm;
 
 /// Environment variable that names a Python with xarm-python-sdk; `make test` sets it.
 const PYTHON: &str = "ETUDE_PYTHON";
-
-/// An emulator on sockets of this machine, with the time of the wall.
-struct Served {
-    server: ArmServer,
-    emulator: ArmEmulator,
-    begun: Instant,
-}
-
-impl Served {
-    fn new() -> Self {
-        let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
-        let server = ArmServer::bind(here, ArmPorts::FREE, Reach::ThisMachine).unwrap();
-        Self { server, emulator: ArmEmulator::new(ArmEmulatorConfig::default()), begun: Instant::now() }
-    }
-
-    fn serve(&mut self) {
-        std::thread::sleep(Duration::from_micros(500));
-        self.server.serve_once(self.begun.elapsed(), &mut self.emulator);
-    }
-}
 
 #[test]
 fn the_official_client_takes_the_emulator_for_an_arm() {
@@ -53,12 +34,13 @@ fn run_script(name: &str) -> String {
         );
         return String::new();
     };
-    let mut served = Served::new();
+    let mut served = ServedArm::new();
     let ports = served.server.ports().unwrap();
     let script = format!("{}/../../scripts/{name}", env!("CARGO_MANIFEST_DIR"));
     let mut child = Command::new(&python)
         .arg(script)
-        .args([ports.command, ports.normal, ports.rich, ports.real].map(|port| port.to_string()))
+        .arg(ports.command.to_string())
+        .args([ReportKind::Normal, ReportKind::Rich, ReportKind::Real].map(|kind| ports.of(kind).to_string()))
         .stdout(Stdio::piped())
         .spawn()
         .unwrap_or_else(|error| panic!("{PYTHON}={python:?} does not run: {error}"));
@@ -68,7 +50,7 @@ fn run_script(name: &str) -> String {
         std::thread::spawn(move || lines.map_while(Result::ok).for_each(|line| drop(send.send(line))));
     let mut transcript = String::new();
     let status = loop {
-        served.serve();
+        let now = served.serve();
         while let Ok(line) = said.try_recv() {
             // The script orders an error, as a hand on the arm would.
             if let Some(code) = line.strip_prefix("inject ") {
@@ -80,7 +62,7 @@ fn run_script(name: &str) -> String {
         if let Some(status) = child.try_wait().unwrap() {
             break status;
         }
-        if served.begun.elapsed() > Duration::from_secs(120) {
+        if now > Duration::from_secs(120) {
             child.kill().unwrap();
         }
     };

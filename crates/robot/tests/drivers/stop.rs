@@ -1,13 +1,12 @@
 //! A stop from outside the controller: each device hears it whatever the others do.
 
-use std::net::{IpAddr, Ipv4Addr};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 use etude_emulators::{
-    ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, HandEmulator, HandEmulatorConfig, Reach, VirtualBus,
+    ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, HandEmulator, HandEmulatorConfig, VirtualBus,
 };
 use etude_robot::can::{self, CanFrame, CanTransport, VirtualBusTransport};
 use etude_robot::rig::RigConfig;
@@ -33,8 +32,7 @@ fn bus(path: &Path) -> String {
 
 /// An arm that moves, and its server.
 fn moving_arm() -> (ArmEmulator, ArmServer, u16) {
-    let server =
-        ArmServer::bind(IpAddr::V4(Ipv4Addr::LOCALHOST), ArmPorts::FREE, Reach::ThisMachine).unwrap();
+    let server = ArmServer::bind(ArmPorts::FREE).unwrap();
     let port = server.ports().unwrap().command;
     let mut arm = ArmEmulator::new(ArmEmulatorConfig::default());
     let id = arm.connect();

@@ -5,4 +5,6 @@ mod bench;
 mod driving;
 mod faults;
 mod hostile;
+#[path = "../../../../emulators/tests/emulators/served.rs"]
+mod served;
 mod sockets;

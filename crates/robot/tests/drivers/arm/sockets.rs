@@ -1,56 +1,32 @@
 //! Driver and emulator on sockets.
 
-use std::net::{IpAddr, Ipv4Addr};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use etude_emulators::{ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, Reach};
+use etude_emulators::ReportKind;
 use etude_robot::xarm::{Arm, ArmConfig, ArmConnection, ArmState};
 
-use super::bench::{MS, apart};
-
-/// An emulator on sockets of this machine, with the time of the wall.
-struct Served {
-    server: ArmServer,
-    emulator: ArmEmulator,
-    begun: Instant,
-}
-
-impl Served {
-    fn new() -> Self {
-        let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
-        let server = ArmServer::bind(here, ArmPorts::FREE, Reach::ThisMachine).unwrap();
-        Self { server, emulator: ArmEmulator::new(ArmEmulatorConfig::default()), begun: Instant::now() }
-    }
-
-    fn serve(&mut self) -> Duration {
-        std::thread::sleep(MS / 2);
-        self.server.serve_once(self.begun.elapsed(), &mut self.emulator);
-        self.begun.elapsed()
-    }
-}
+use super::bench::apart;
+use super::served::ServedArm;
 
 #[test]
 fn driver_and_emulator_meet_on_sockets() {
-    for reports in [|ports: &ArmPorts| ports.real, |ports: &ArmPorts| ports.control] {
+    for reports in [ReportKind::Real, ReportKind::Control] {
         meet_on_sockets(reports);
     }
 }
 
-/// With the reports of this port.
-fn meet_on_sockets(reports: fn(&ArmPorts) -> u16) {
-    let outside: IpAddr = [0, 0, 0, 0].into();
-    assert!(ArmServer::bind(outside, ArmPorts::FREE, Reach::ThisMachine).is_err());
-
-    let mut served = Served::new();
+/// With these reports.
+fn meet_on_sockets(reports: ReportKind) {
+    let mut served = ServedArm::new();
     let ports = served.server.ports().unwrap();
-    let host = format!("127.0.0.1:{}:{}", ports.command, reports(&ports));
+    let host = format!("127.0.0.1:{}:{}", ports.command, ports.of(reports));
     let mut connection = ArmConnection::open(&host).unwrap();
     // A machine that is busy with other tests must not look like a fault.
     let patient = ArmConfig { reply_timeout_secs: 5.0, report_stale_after_secs: 5.0, ..ArmConfig::default() };
     let mut arm = Arm::new(patient).unwrap();
     arm.connected(Duration::ZERO);
     arm.start(Duration::ZERO).unwrap();
-    let mut exchange = |served: &mut Served, arm: &mut Arm| {
+    let mut exchange = |served: &mut ServedArm, arm: &mut Arm| {
         let (now, mut bytes) = (served.serve(), Vec::new());
         connection.receive_reports(&mut bytes).unwrap();
         arm.receive_report(now, &bytes);
