@@ -7,7 +7,6 @@
 use etude_robot::allegro::FULL_SCALE_PWM;
 use etude_stage::params::ParamId;
 use etude_stage::{JOINT_NAMES, RAIL};
-use toml::{Table, Value};
 
 use crate::error::TwinParamsError;
 use crate::numbers::{FINGER, Numbers, Purpose, signed_share};
@@ -98,44 +97,37 @@ pub(crate) fn seed(name: &str) -> Option<Result<u64, TwinParamsError>> {
     Some(text.parse::<u32>().map(u64::from).map_err(|_| TwinParamsError::Seed(name.to_string())))
 }
 
-/// The parameter set that belongs to a seed.
+/// The parameter set that belongs to a seed: the text of its file, and the friction that its dead
+/// bands ask for.
 pub(crate) fn draw(seed: u64) -> Result<Numbers, TwinParamsError> {
-    let mut table = Table::new();
-    table.insert("name".to_string(), Value::String(format!("{RANDOM}{seed}")));
-    let mut physics = Table::new();
-    for (row, range) in RANGES.iter().enumerate() {
-        let number = |place: usize| range.at(seed, 64 * row + place);
-        if range.path.contains(".J.") {
-            for (joint, name) in JOINT_NAMES.iter().enumerate().take(RAIL) {
-                physics.insert(range.path.replace(".J.", &format!(".{name}.")), Value::Float(number(joint)));
-            }
-        } else if ParamId::named(range.path).is_ok() {
-            physics.insert(range.path.to_string(), Value::Float(number(0)));
-        } else if range.count > 1 {
-            insert(
-                &mut table,
-                range.path,
-                Value::Array((0..range.count).map(|at| Value::Float(number(at))).collect()),
-            );
-        } else if range.path.ends_with("_pwm") || range.path.ends_with("_counts") {
-            insert(&mut table, range.path, Value::Integer(number(0).round() as i64));
-        } else {
-            insert(&mut table, range.path, Value::Float(number(0)));
-        }
-    }
-    insert(&mut table, "world.gravity", Value::Boolean(true));
     let release =
         if signed_share(seed, Purpose::TwinParams, RELEASE) < 0.0 { "note_off" } else { "zero_velocity" };
-    insert(&mut table, "keyboard.release", Value::String(release.to_string()));
-    let dead_bands: Vec<f64> = JOINT_NAMES
-        .iter()
-        .take(RAIL)
-        .filter_map(|name| physics.remove(&format!("joint.{name}.dead_band"))?.as_float())
-        .collect();
-    table.insert("physics".to_string(), Value::Table(physics));
+    let mut text = format!(
+        "name = \"{RANDOM}{seed}\"\nseed = {seed}\nworld.gravity = true\nkeyboard.release = \"{release}\"\n"
+    );
+    let mut set = |path: &str, value: String| text.extend([path, " = ", &value, "\n"]);
+    let mut dead_bands = Vec::new();
+    for (row, range) in RANGES.iter().enumerate() {
+        let number = |place: usize| range.at(seed, 64 * row + place);
+        if range.path == DEAD_BAND.path {
+            dead_bands.extend((0..RAIL).map(number));
+        } else if range.path.contains(".J.") {
+            for (joint, name) in JOINT_NAMES.iter().enumerate().take(RAIL) {
+                let path = range.path.replace(".J.", &format!(".{name}."));
+                set(&format!("physics.{path:?}"), format!("{:?}", number(joint)));
+            }
+        } else if ParamId::named(range.path).is_ok() {
+            set(&format!("physics.{:?}", range.path), format!("{:?}", number(0)));
+        } else if range.count > 1 {
+            set(range.path, format!("{:?}", (0..range.count).map(number).collect::<Vec<f64>>()));
+        } else if range.path.ends_with("_pwm") || range.path.ends_with("_counts") {
+            set(range.path, number(0).round().to_string());
+        } else {
+            set(range.path, format!("{:?}", number(0)));
+        }
+    }
     let mut numbers: Numbers =
-        table.try_into().map_err(|error: toml::de::Error| TwinParamsError::Text(error.to_string()))?;
-    numbers.seed = seed;
+        toml::from_str(&text).map_err(|error| TwinParamsError::Text(error.to_string()))?;
     for (joint, band) in dead_bands.into_iter().enumerate() {
         let friction = numbers.friction_of(joint, band);
         numbers.physics.insert(format!("joint.{}.friction", JOINT_NAMES[joint]), friction);
@@ -146,19 +138,6 @@ pub(crate) fn draw(seed: u64) -> Result<Numbers, TwinParamsError> {
 
 /// Number of the draw of how releases are coded.
 const RELEASE: usize = usize::MAX >> 32;
-
-/// Puts a value where a dotted path says.
-fn insert(table: &mut Table, path: &str, value: Value) {
-    match path.split_once('.') {
-        None => drop(table.insert(path.to_string(), value)),
-        Some((head, rest)) => {
-            let below = table.entry(head).or_insert_with(|| Value::Table(Table::new()));
-            if let Value::Table(below) = below {
-                insert(below, rest, value);
-            }
-        }
-    }
-}
 
 impl Range {
     /// A number of the range.
@@ -193,6 +172,8 @@ impl Numbers {
 
 #[cfg(test)]
 mod tests {
+    use toml::Value;
+
     use super::*;
     use crate::TwinParams;
 
