@@ -35,15 +35,16 @@ pub(super) struct Motion {
 
 #[derive(Clone, Copy, Debug)]
 enum Drive {
-    Hold,
     Follow(Joints),
-    Brake,
     Plan(Plan),
     /// Each joint to its target on its own: target, speed, acceleration.
     Seek(Joints, f64, f64),
     /// Each joint at its speed.
     Turn(Joints),
 }
+
+/// Comes to a stop, and stands.
+const REST: Drive = Drive::Turn([0.0; ARM_JOINTS]);
 
 /// A move along a straight line in joint space, with a trapezoid of speed.
 #[derive(Clone, Copy, Debug)]
@@ -62,15 +63,14 @@ impl Motion {
     pub(super) fn new(joints: Joints, bandwidth_hz: f64, damping_ratio: Option<f64>) -> Self {
         let bandwidth = bandwidth_hz * 2.0 * PI;
         let (speeds, coming) = ([0.0; ARM_JOINTS], VecDeque::new());
-        Self { joints, speeds, drive: Drive::Hold, coming, bandwidth, damping_ratio, stuck: false }
+        Self { joints, speeds, drive: REST, coming, bandwidth, damping_ratio, stuck: false }
     }
 
     /// Whether a joint moves or will.
     pub(super) fn moving(&self) -> bool {
         let due = match self.drive {
-            Drive::Hold => false,
             Drive::Follow(target) => self.joints != target,
-            Drive::Brake | Drive::Plan(_) | Drive::Seek(..) => true,
+            Drive::Plan(_) | Drive::Seek(..) => true,
             Drive::Turn(speeds) => speeds != [0.0; ARM_JOINTS],
         };
         due || !self.coming.is_empty() || self.speeds != [0.0; ARM_JOINTS]
@@ -92,7 +92,7 @@ impl Motion {
             (Some(&(_, target)), _) | (None, Drive::Follow(target)) => target,
             (None, Drive::Plan(plan)) => plan.to,
             (None, Drive::Seek(target, ..)) => target,
-            (None, Drive::Hold | Drive::Brake | Drive::Turn(_)) => self.joints,
+            (None, Drive::Turn(_)) => self.joints,
         }
     }
 
@@ -126,100 +126,74 @@ impl Motion {
     /// Drops every target and comes to a stop.
     pub(super) fn brake(&mut self) {
         self.coming.clear();
-        self.drive = if self.speeds == [0.0; ARM_JOINTS] { Drive::Hold } else { Drive::Brake };
+        self.drive = REST;
     }
 
     /// Moves the arm by hand to these joints.
     pub(super) fn place(&mut self, joints: Joints) {
-        (self.joints, self.speeds, self.drive) = (joints, [0.0; ARM_JOINTS], Drive::Hold);
+        (self.joints, self.speeds, self.drive) = (joints, [0.0; ARM_JOINTS], REST);
         self.coming.clear();
     }
 
     /// One millisecond: the one numbered `now`. A paused arm slows down along its way.
     pub(super) fn step(&mut self, now: u64, paused: bool) {
-        while self.coming.front().is_some_and(|(at, _)| *at <= now) {
-            if let Some((_, target)) = self.coming.pop_front() {
-                self.drive = Drive::Follow(target);
-            }
+        while let Some((_, target)) = self.coming.pop_front_if(|(at, _)| *at <= now) {
+            self.drive = Drive::Follow(target);
         }
         if self.stuck {
             self.speeds = [0.0; ARM_JOINTS];
             return;
         }
-        let before = self.joints;
-        match &mut self.drive {
-            Drive::Hold => return,
-            Drive::Plan(plan) => {
-                self.joints = plan.step(paused);
-                if plan.share >= 1.0 {
-                    self.drive = Drive::Hold;
-                }
+        let (bandwidth, damping_ratio) = (self.bandwidth, self.damping_ratio);
+        match self.drive {
+            Drive::Plan(mut plan) => {
+                let before = std::mem::replace(&mut self.joints, plan.step(paused));
+                let ended = plan.share >= 1.0;
+                self.drive = if ended { REST } else { Drive::Plan(plan) };
+                let speed = |joint: usize| (self.joints[joint] - before[joint]) / STEP_SECS;
+                self.speeds = std::array::from_fn(|joint| if ended { 0.0 } else { speed(joint) });
             }
-            Drive::Follow(target) => {
-                let target = *target;
-                for joint in 0..ARM_JOINTS {
-                    let apart = target[joint] - before[joint];
-                    // As fast as allowed, but so that it can still stop at the target.
+            Drive::Follow(target) => self.turn_to(&target, MAX_ACCELERATION, |apart, speed| match damping_ratio {
+                // As fast as allowed, but so that it can still stop at the target.
+                None => {
                     let stoppable = (2.0 * MAX_ACCELERATION * apart.abs()).sqrt().min(MAX_SPEED);
-                    let wanted = match self.damping_ratio {
-                        None => self.bandwidth * apart,
-                        // A mass on a spring.
-                        Some(ratio) => {
-                            let speed = self.speeds[joint];
-                            let pull = self.bandwidth * apart - 2.0 * ratio * speed;
-                            speed + self.bandwidth * pull * STEP_SECS
-                        }
-                    };
-                    let most = if self.damping_ratio.is_none() { stoppable } else { MAX_SPEED };
-                    let wanted = wanted.clamp(-most, most);
-                    self.turn(joint, wanted, MAX_ACCELERATION);
-                    if apart.abs() < 1e-6 && self.speeds[joint].abs() < 1e-3 {
-                        (self.joints[joint], self.speeds[joint]) = (target[joint], 0.0);
-                    }
+                    (bandwidth * apart).clamp(-stoppable, stoppable)
                 }
-                return;
-            }
+                // A mass on a spring.
+                Some(ratio) => {
+                    let pull = bandwidth * apart - 2.0 * ratio * speed;
+                    (speed + bandwidth * pull * STEP_SECS).clamp(-MAX_SPEED, MAX_SPEED)
+                }
+            }),
             Drive::Seek(target, most, acceleration) => {
-                let (target, acceleration) = (*target, *acceleration);
-                let most = if paused { 0.0 } else { *most };
-                for joint in 0..ARM_JOINTS {
-                    let apart = target[joint] - before[joint];
-                    // Slower near the target than the acceleration would allow, so that it does not
-                    // pass it.
-                    let wanted = (self.bandwidth * apart.abs())
-                        .min((acceleration * apart.abs()).sqrt())
-                        .min(most)
-                        .copysign(apart);
-                    self.turn(joint, wanted, acceleration);
-                    if apart.abs() < 1e-6 && self.speeds[joint].abs() < 1e-3 {
-                        (self.joints[joint], self.speeds[joint]) = (target[joint], 0.0);
-                    }
-                }
+                let most = if paused { 0.0 } else { most };
+                // Slower near the target than the acceleration would allow, so that it does not
+                // pass it.
+                self.turn_to(&target, acceleration, |apart, _| {
+                    let stoppable = (acceleration * apart.abs()).sqrt();
+                    (bandwidth * apart.abs()).min(stoppable).min(most).copysign(apart)
+                });
                 if self.joints == target {
-                    self.drive = Drive::Hold;
+                    self.drive = REST;
                 }
-                return;
             }
             Drive::Turn(speeds) => {
-                let speeds = if paused { [0.0; ARM_JOINTS] } else { *speeds };
                 for (joint, speed) in speeds.into_iter().enumerate() {
-                    self.turn(joint, speed, MAX_ACCELERATION);
+                    self.turn(joint, if paused { 0.0 } else { speed }, MAX_ACCELERATION);
                 }
-                return;
-            }
-            Drive::Brake => {
-                for joint in 0..ARM_JOINTS {
-                    self.turn(joint, 0.0, MAX_ACCELERATION);
-                }
-                if self.speeds == [0.0; ARM_JOINTS] {
-                    self.drive = Drive::Hold;
-                }
-                return;
             }
         }
-        let planned = matches!(self.drive, Drive::Plan(_));
-        for (speed, (now, before)) in self.speeds.iter_mut().zip(self.joints.iter().zip(before)) {
-            *speed = if planned { (now - before) / STEP_SECS } else { 0.0 };
+    }
+
+    /// Turns each joint for a step, at the speed that is wanted so far from its target and at its
+    /// speed.
+    fn turn_to(&mut self, target: &Joints, acceleration: f64, wanted: impl Fn(f64, f64) -> f64) {
+        for joint in 0..ARM_JOINTS {
+            let apart = target[joint] - self.joints[joint];
+            self.turn(joint, wanted(apart, self.speeds[joint]), acceleration);
+            if apart.abs() < 1e-6 && self.speeds[joint].abs() < 1e-3 {
+                (self.joints[joint], self.speeds[joint]) = (target[joint], 0.0);
+            }
         }
     }
 
