@@ -56,47 +56,26 @@ pub enum FaultKind {
     JointDead(u8),
 }
 
-/// A kind: its name, an example of its value if it has one, and what makes the fault of a value.
-pub(crate) type Row = (&'static str, &'static str, fn(&str) -> Option<FaultKind>);
-
-fn none(value: &str, kind: FaultKind) -> Option<FaultKind> {
-    value.is_empty().then_some(kind)
-}
-
-fn finger(value: &str) -> Option<u8> {
-    value.parse().ok().filter(|finger| *finger <= 3)
-}
-
-fn joint(value: &str) -> Option<u8> {
-    value.parse().ok().filter(|joint| usize::from(*joint) < WIRE_JOINTS)
-}
-
-/// Every kind, once.
-pub(crate) const KINDS: [Row; 18] = [
-    ("can-bus-off", "", |value| none(value, FaultKind::CanBusOff)),
-    ("can-silent", "", |value| none(value, FaultKind::CanSilent)),
-    ("finger-silent", "1", |value| Some(FaultKind::FingerSilent(finger(value)?))),
-    ("arm-error", "31", |value| value.parse().ok().filter(|code| *code > 0).map(FaultKind::ArmError)),
-    ("estop", "", |value| none(value, FaultKind::Estop)),
-    ("arm-disconnect", "", |value| none(value, FaultKind::ArmDisconnect)),
-    ("arm-silent", "", |value| none(value, FaultKind::ArmSilent)),
-    ("arm-mute", "", |value| none(value, FaultKind::ArmMute)),
-    ("arm-stuck", "", |value| none(value, FaultKind::ArmStuck)),
-    ("arm-stopped", "", |value| none(value, FaultKind::ArmStopped)),
-    ("keyboard-unplugged", "", |value| none(value, FaultKind::KeyboardUnplugged)),
-    ("keyboard-silent", "", |value| none(value, FaultKind::KeyboardSilent)),
-    ("hand-hot", "2:70", |value| {
-        let (number, celsius) = value.split_once(':')?;
-        Some(FaultKind::HandHot(finger(number)?, celsius.parse().ok()?))
-    }),
-    ("board-hot", "80", |value| value.parse().ok().map(FaultKind::BoardHot)),
-    ("hand-fault", "4", |value| {
-        // Bit 0 is no fault: it says that the servo is on.
-        value.parse().ok().filter(|bits: &u8| *bits > 1 && bits.is_multiple_of(2)).map(FaultKind::HandFault)
-    }),
-    ("hand-off", "", |value| none(value, FaultKind::HandOff)),
-    ("joint-reversed", "5", |value| Some(FaultKind::JointReversed(joint(value)?))),
-    ("joint-dead", "5", |value| Some(FaultKind::JointDead(joint(value)?))),
+/// Every kind, once: its name, and an example of it.
+pub(crate) const KINDS: [(&str, FaultKind); 18] = [
+    ("can-bus-off", FaultKind::CanBusOff),
+    ("can-silent", FaultKind::CanSilent),
+    ("finger-silent", FaultKind::FingerSilent(1)),
+    ("arm-error", FaultKind::ArmError(31)),
+    ("estop", FaultKind::Estop),
+    ("arm-disconnect", FaultKind::ArmDisconnect),
+    ("arm-silent", FaultKind::ArmSilent),
+    ("arm-mute", FaultKind::ArmMute),
+    ("arm-stuck", FaultKind::ArmStuck),
+    ("arm-stopped", FaultKind::ArmStopped),
+    ("keyboard-unplugged", FaultKind::KeyboardUnplugged),
+    ("keyboard-silent", FaultKind::KeyboardSilent),
+    ("hand-hot", FaultKind::HandHot(2, 70)),
+    ("board-hot", FaultKind::BoardHot(80)),
+    ("hand-fault", FaultKind::HandFault(4)),
+    ("hand-off", FaultKind::HandOff),
+    ("joint-reversed", FaultKind::JointReversed(5)),
+    ("joint-dead", FaultKind::JointDead(5)),
 ];
 
 /// The order of a fault is not valid.
@@ -119,23 +98,13 @@ pub enum FaultError {
 
 /// Every kind with an example of its value.
 fn kinds() -> String {
-    let names = KINDS.map(|(name, example, _)| match example {
-        "" => name.to_string(),
-        example => format!("{name}={example}"),
-    });
-    names.join(", ")
-}
-
-fn set(joints: &mut [bool; WIRE_JOINTS], joint: u8, on: bool) {
-    if let Some(is) = joints.get_mut(usize::from(joint)) {
-        *is = on;
-    }
+    KINDS.map(|(_, example)| example.to_string()).join(", ")
 }
 
 impl FaultKind {
     /// One fault of every kind.
     pub fn examples() -> impl Iterator<Item = Self> {
-        KINDS.into_iter().filter_map(|(_, example, read)| read(example))
+        KINDS.into_iter().map(|(_, example)| example)
     }
 
     /// Whether it lasts: others are over as soon as they have happened.
@@ -147,59 +116,65 @@ impl FaultKind {
         }
     }
 
-    /// Begins on the devices.
-    pub(crate) fn begin(self, devices: &mut Devices, now: Duration) {
+    /// Begins on the devices, or ends.
+    pub(crate) fn set(self, on: bool, devices: &mut Devices, now: Duration) {
+        let sound = HandEmulatorConfig::default();
         let hand = devices.hand.config_mut();
         match self {
-            Self::ArmError(code) => devices.arm.inject_error(code),
-            Self::Estop => devices.arm.inject_error(1),
-            Self::ArmSilent => devices.arm.set_silent(true),
-            Self::ArmMute => devices.arm.set_mute(true),
-            Self::ArmStuck => devices.arm.set_stuck(true),
-            Self::ArmStopped => {
+            Self::ArmError(code) if on => devices.arm.inject_error(code),
+            Self::Estop if on => devices.arm.inject_error(1),
+            Self::ArmError(_) | Self::Estop if BUTTONS.contains(&devices.arm.error()) => {
+                devices.arm.inject_error(0);
+            }
+            Self::ArmSilent => devices.arm.set_silent(on),
+            Self::ArmMute => devices.arm.set_mute(on),
+            Self::ArmStuck => devices.arm.set_stuck(on),
+            Self::ArmStopped if on => {
                 let other = devices.arm.connect();
                 devices.arm.receive(now, other, &[0, 1, 0, 2, 0, 2, 12, 4]);
                 devices.arm.disconnect(other);
             }
-            Self::KeyboardUnplugged => devices.keyboard.unplug(),
+            Self::KeyboardUnplugged if on => devices.keyboard.unplug(),
+            Self::KeyboardUnplugged => devices.keyboard.plug(now),
             Self::HandHot(finger, celsius) => {
-                let joints = hand.joint_celsius.iter_mut().skip(4 * usize::from(finger)).take(4);
-                joints.for_each(|joint| *joint = celsius);
+                let joints = hand.joint_celsius.iter_mut().zip(sound.joint_celsius).enumerate();
+                let of_finger = joints.filter(|(joint, _)| joint / 4 == usize::from(finger));
+                of_finger.for_each(|(_, (is, sound))| *is = if on { celsius } else { sound });
             }
-            Self::BoardHot(celsius) => hand.board_celsius = celsius,
-            Self::HandFault(bits) => hand.fault_bits |= bits,
-            Self::HandOff => {
+            Self::BoardHot(celsius) => hand.board_celsius = if on { celsius } else { sound.board_celsius },
+            Self::HandFault(bits) if on => hand.fault_bits |= bits,
+            Self::HandFault(bits) => hand.fault_bits &= !bits,
+            Self::HandOff if on => {
                 let off = HostMessage::ServoOff.encode(DeviceId::default());
                 devices.hand.receive(now, &off, &mut Vec::new());
             }
-            Self::JointReversed(joint) => set(&mut hand.reversed, joint, true),
-            Self::JointDead(joint) => set(&mut hand.dead, joint, true),
-            Self::CanBusOff
-            | Self::CanSilent
-            | Self::FingerSilent(_)
-            | Self::ArmDisconnect
-            | Self::KeyboardSilent => {}
+            Self::JointReversed(joint) => hand.reversed[usize::from(joint)] = on,
+            Self::JointDead(joint) => hand.dead[usize::from(joint)] = on,
+            // On the wires.
+            _ => {}
         }
     }
 
-    /// Ends on the devices.
-    pub(crate) fn end(self, devices: &mut Devices, now: Duration) {
-        let cool = HandEmulatorConfig::default();
-        let hand = devices.hand.config_mut();
+    /// The fault of the same kind with this value.
+    fn with(self, value: &str) -> Option<Self> {
+        let number = || value.parse::<u8>().ok();
+        let finger = |text: &str| text.parse().ok().filter(|finger| *finger <= 3);
+        let joint = || number().filter(|joint| usize::from(*joint) < WIRE_JOINTS);
         match self {
-            Self::ArmError(_) | Self::Estop if BUTTONS.contains(&devices.arm.error()) => {
-                devices.arm.inject_error(0)
+            Self::FingerSilent(_) => finger(value).map(Self::FingerSilent),
+            Self::ArmError(_) => number().filter(|code| *code > 0).map(Self::ArmError),
+            Self::HandHot(..) => {
+                let (number, celsius) = value.split_once(':')?;
+                Some(Self::HandHot(finger(number)?, celsius.parse().ok()?))
             }
-            Self::ArmSilent => devices.arm.set_silent(false),
-            Self::ArmMute => devices.arm.set_mute(false),
-            Self::ArmStuck => devices.arm.set_stuck(false),
-            Self::KeyboardUnplugged => devices.keyboard.plug(now),
-            Self::HandHot(..) => hand.joint_celsius = cool.joint_celsius,
-            Self::BoardHot(_) => hand.board_celsius = cool.board_celsius,
-            Self::HandFault(bits) => hand.fault_bits &= !bits,
-            Self::JointReversed(joint) => set(&mut hand.reversed, joint, false),
-            Self::JointDead(joint) => set(&mut hand.dead, joint, false),
-            _ => {}
+            Self::BoardHot(_) => number().map(Self::BoardHot),
+            // Bit 0 is no fault: it says that the servo is on.
+            Self::HandFault(_) => {
+                number().filter(|bits| *bits > 1 && bits.is_multiple_of(2)).map(Self::HandFault)
+            }
+            Self::JointReversed(_) => joint().map(Self::JointReversed),
+            Self::JointDead(_) => joint().map(Self::JointDead),
+            plain => value.is_empty().then_some(plain),
         }
     }
 }
@@ -210,25 +185,22 @@ impl FromStr for FaultKind {
     /// Reads `KIND[=VALUE]`.
     fn from_str(text: &str) -> Result<Self, FaultError> {
         let (name, value) = text.split_once('=').unwrap_or((text, ""));
-        let row = KINDS.iter().find(|(known, ..)| *known == name);
-        row.and_then(|(_, _, read)| read(value)).ok_or_else(|| FaultError::Kind(text.to_string()))
+        let row = KINDS.iter().find(|(known, _)| *known == name);
+        row.and_then(|(_, kind)| kind.with(value)).ok_or_else(|| FaultError::Kind(text.to_string()))
     }
 }
 
 impl fmt::Display for FaultKind {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let is_ours = |kind: FaultKind| discriminant(&kind) == discriminant(self);
-        let row = KINDS.iter().find(|(_, example, read)| read(example).is_some_and(is_ours));
-        out.write_str(row.map_or("", |(name, ..)| name))?;
+        let row = KINDS.iter().find(|(_, example)| discriminant(example) == discriminant(self));
+        out.write_str(row.map_or("", |(name, _)| name))?;
         match self {
             Self::FingerSilent(value)
             | Self::ArmError(value)
             | Self::BoardHot(value)
             | Self::HandFault(value)
             | Self::JointReversed(value)
-            | Self::JointDead(value) => {
-                write!(out, "={value}")
-            }
+            | Self::JointDead(value) => write!(out, "={value}"),
             Self::HandHot(finger, celsius) => write!(out, "={finger}:{celsius}"),
             _ => Ok(()),
         }
