@@ -37,6 +37,7 @@ mod free_hand;
 mod hand;
 mod keyboard;
 mod midi_server;
+mod socket;
 mod virtual_bus;
 
 pub use arm::{ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, ConnectionId, ReportKind};

@@ -2,11 +2,12 @@
 
 use std::fs;
 use std::io::{ErrorKind, Read as _, Write as _};
-use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
 use etude_robot::keyboard::MidiError;
+
+use crate::socket::bind_socket;
 
 /// Serves one driver at a time; others are refused while it is connected. Removes the socket's file
 /// when dropped.
@@ -25,17 +26,7 @@ impl MidiServer {
     /// If the path cannot be used, or another emulator listens there.
     pub fn bind(path: &Path) -> Result<Self, MidiError> {
         let fail = |message: String| MidiError::Open { spec: format!("midi:{}", path.display()), message };
-        if UnixStream::connect(path).is_ok() {
-            return Err(fail("another emulator listens there; stop it or choose another path".to_owned()));
-        }
-        if fs::symlink_metadata(path).is_ok_and(|data| data.file_type().is_socket()) {
-            fs::remove_file(path).map_err(|error| fail(error.to_string()))?;
-        }
-        let listener = UnixListener::bind(path)
-            .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
-            .map_err(|error| {
-                fail(format!("{error}; choose a path in a folder that exists, of at most 100 characters"))
-            })?;
+        let listener = bind_socket(path).map_err(fail)?;
         Ok(Self { path: path.to_owned(), listener, driver: None })
     }
 

@@ -1,23 +1,32 @@
 //! A virtual bus: a CAN bus between processes over a Unix socket. Each frame of a client reaches
 //! all other clients.
 //!
-//! A client that sends invalid records is dropped, because its stream is out of step: a torque must
-//! never be read from the middle of another record.
+//! It speaks the lines of serial adapters (slcan). A client that sends anything else is dropped,
+//! because its stream is out of step: a torque must never be read from the middle of another frame.
 
-use std::os::unix::fs::FileTypeExt as _;
+use std::io;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
-use etude_robot::can::{BusRecord, CanError, VirtualBusLink};
+use etude_robot::can::{
+    BUS_OFF, BUS_ON, CanError, CanFrame, SlcanLines, SlcanReply, encode_frame, parse_frame,
+};
+use etude_robot::stream::{Outbox, read_once};
+
+use crate::socket::bind_socket;
 
 const MAX_CLIENTS: usize = 32;
+/// Bytes read of one client in one poll, so that none can block the others.
+const READ: usize = 1024;
+/// Bytes that wait for a client that does not read; later frames are lost.
+const MAX_UNREAD: usize = 1 << 17;
 
 /// Serves a bus.
 #[derive(Debug)]
 pub struct VirtualBus {
     path: PathBuf,
     listener: UnixListener,
-    clients: Vec<VirtualBusLink>,
+    clients: Vec<Client>,
     off: bool,
 }
 
@@ -25,24 +34,11 @@ impl VirtualBus {
     /// Opens the bus at `path`. A socket file that a dead process left there is replaced.
     ///
     /// # Errors
-    /// If another virtual bus is served there, or the file cannot be made.
+    /// If another emulator listens there, or the file cannot be made.
     pub fn bind(path: impl AsRef<Path>) -> Result<Self, CanError> {
         let path = path.as_ref().to_path_buf();
         let open = |message: String| CanError::Open { bus: path.display().to_string(), message };
-        // Another kind of file is never removed.
-        if std::fs::symlink_metadata(&path).is_ok_and(|file| file.file_type().is_socket()) {
-            if UnixStream::connect(&path).is_ok() {
-                return Err(open(
-                    "another virtual bus is served there: stop it, or choose another path".to_owned(),
-                ));
-            }
-            std::fs::remove_file(&path).map_err(|error| open(format!("{error}: remove this old socket")))?;
-        }
-        let hint = "choose a path that does not exist in a folder that you may write";
-        let listener = UnixListener::bind(&path)
-            .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
-            .map_err(|error| open(format!("{error}: {hint}")))?;
-        Ok(Self { listener, clients: Vec::new(), path, off: false })
+        Ok(Self { listener: bind_socket(&path).map_err(open)?, clients: Vec::new(), path, off: false })
     }
 
     /// Accepts new clients, passes on what has arrived, and drops clients that are gone. Never
@@ -50,22 +46,22 @@ impl VirtualBus {
     pub fn poll(&mut self) {
         while self.clients.len() < MAX_CLIENTS {
             let Ok((stream, _)) = self.listener.accept() else { break };
-            self.clients.extend(VirtualBusLink::new(stream).ok());
+            self.clients.extend(Client::new(stream).ok());
             if let (true, Some(client)) = (self.off, self.clients.last_mut()) {
-                client.push(&BusRecord::BusOff(true));
+                client.say(BUS_OFF);
             }
         }
         let mut from = 0;
-        let mut records = Vec::new();
+        let (mut frames, mut lines) = (Vec::new(), Vec::new());
         while from < self.clients.len() {
-            records.clear();
-            let alive = self.clients.get_mut(from).is_some_and(|client| client.read(&mut records));
-            // Bus-off comes from the bus alone.
-            let alive = alive && records.iter().all(|record| matches!(record, BusRecord::Frame(_)));
-            records.retain(|record| matches!(record, BusRecord::Frame(_)) && !self.off);
-            for (_, client) in self.clients.iter_mut().enumerate().filter(|(to, _)| *to != from) {
-                // A client that does not read loses whole frames.
-                records.iter().for_each(|record| _ = client.push(record));
+            frames.clear();
+            let alive = self.clients.get_mut(from).is_some_and(|client| client.read(&mut frames));
+            for frame in frames.iter().filter(|_| !self.off) {
+                lines.clear();
+                encode_frame(frame, &mut lines);
+                for (_, client) in self.clients.iter_mut().enumerate().filter(|(to, _)| *to != from) {
+                    client.outbox.push(&lines);
+                }
             }
             if alive {
                 from += 1;
@@ -73,21 +69,57 @@ impl VirtualBus {
                 self.clients.remove(from);
             }
         }
-        self.clients.retain_mut(VirtualBusLink::flush);
+        self.clients.retain_mut(|client| client.outbox.flush(&mut client.stream).is_ok());
     }
 
-    /// Puts the bus into bus-off, or ends it. Every client receives an error frame; during bus-off
-    /// no frame is passed on.
+    /// Puts the bus into bus-off, or ends it. Every client is told; during bus-off no frame is
+    /// passed on.
     pub fn set_off(&mut self, off: bool) {
         if self.off != off {
             self.off = off;
-            self.clients.iter_mut().for_each(|client| _ = client.push(&BusRecord::BusOff(off)));
+            self.clients.iter_mut().for_each(|client| client.say(if off { BUS_OFF } else { BUS_ON }));
         }
     }
 
     /// How many clients there are.
     pub fn clients(&self) -> usize {
         self.clients.len()
+    }
+}
+
+#[derive(Debug)]
+struct Client {
+    stream: UnixStream,
+    lines: SlcanLines,
+    outbox: Outbox,
+}
+
+impl Client {
+    fn new(stream: UnixStream) -> io::Result<Self> {
+        stream.set_nonblocking(true)?;
+        Ok(Self { stream, lines: SlcanLines::default(), outbox: Outbox::new(MAX_UNREAD) })
+    }
+
+    /// Appends the frames that have come. Returns `false` if the client is gone or has sent
+    /// something else than frames; bus-off comes from the bus alone.
+    fn read(&mut self, frames: &mut Vec<CanFrame>) -> bool {
+        let mut bytes = [0; READ];
+        let Ok(len) = read_once(&mut self.stream, &mut bytes) else { return false };
+        bytes.iter().take(len).all(|&byte| match self.lines.push(byte) {
+            None | Some(SlcanReply::Line([])) => true,
+            Some(SlcanReply::Line(line)) => match parse_frame(line) {
+                Ok(Some(frame)) => {
+                    frames.push(frame);
+                    true
+                }
+                _ => false,
+            },
+            Some(SlcanReply::Bell | SlcanReply::Damaged) => false,
+        })
+    }
+
+    fn say(&mut self, line: &[u8]) {
+        self.outbox.push(&[line, b"\r"].concat());
     }
 }
 

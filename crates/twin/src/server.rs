@@ -6,6 +6,7 @@
 //! (`[links.arm]`) are for [`Lockstep`] only; those that are ordered for a time (`[[faults]]`)
 //! happen here as there.
 
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -13,7 +14,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use etude_emulators::faults::FaultKind;
 use etude_emulators::{ArmPorts, ArmServer, MidiServer, ReportKind, VirtualBus};
 use etude_robot::calibration::{CalibrationError, RailPath};
-use etude_robot::can::{CanError, CanTransport as _, VirtualBusTransport};
+use etude_robot::can::{CanError, CanTransport as _, SlcanTransport};
 use etude_robot::keyboard::MidiError;
 use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig::{RigConfig, WiresConfig};
@@ -63,7 +64,7 @@ pub enum ServeError {
 pub struct TwinServer {
     lockstep: Lockstep,
     bus_server: VirtualBus,
-    bus: VirtualBusTransport,
+    bus: SlcanTransport<UnixStream>,
     arm: ArmServer,
     /// `None`, and without a socket, while the keyboard is unplugged.
     midi: Option<MidiServer>,
@@ -91,7 +92,7 @@ impl TwinServer {
         let lockstep = Lockstep::new(Twin::new(twin_params, rig.hand.side)?)?;
         let (can, midi) = (folder.join("can.sock"), folder.join("midi.sock"));
         let bus_server = VirtualBus::bind(&can)?;
-        let bus = VirtualBusTransport::connect(&can)?;
+        let bus = SlcanTransport::connect(&can)?;
         let outlet = MidiServer::bind(&midi)?;
         let port_error = |error: std::io::Error| file(Path::new("127.0.0.1"), error.to_string());
         let arm = ArmServer::bind(ports).map_err(port_error)?;

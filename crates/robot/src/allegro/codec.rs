@@ -18,11 +18,7 @@ const POSITION: u16 = 0x20;
 const TEMPERATURE: u16 = 0x38;
 
 fn data_frame(device: DeviceId, message: u16, bytes: &[u8]) -> CanFrame {
-    let mut data = [0; 8];
-    for (to, from) in data.iter_mut().zip(bytes) {
-        *to = *from;
-    }
-    CanFrame::of(identifier(device, message), data, bytes.len().min(8) as u8)
+    CanFrame::of(identifier(device, message), bytes)
 }
 
 fn identifier(device: DeviceId, message: u16) -> u16 {

@@ -16,25 +16,24 @@ impl CanFrame {
     /// A data frame; `None` if the identifier has more than 11 bits or there are more than eight
     /// bytes.
     pub fn new(id: u16, payload: &[u8]) -> Option<Self> {
-        let mut data = [0; 8];
-        data.get_mut(..payload.len())?.copy_from_slice(payload);
-        (id <= Self::MAX_ID).then_some(Self { id, remote: false, len: payload.len() as u8, data })
+        (id <= Self::MAX_ID && payload.len() <= 8).then(|| Self::of(id, payload))
     }
 
     /// A remote request without data; `None` if the identifier has more than 11 bits.
     pub fn remote(id: u16) -> Option<Self> {
-        (id <= Self::MAX_ID).then_some(Self { id, remote: true, len: 0, data: [0; 8] })
+        (id <= Self::MAX_ID).then(|| Self::remote_of(id))
     }
 
-    /// A frame made of numbers that are right by construction: the upper bits of an identifier are
-    /// cut off.
-    pub(crate) fn of(id: u16, data: [u8; 8], len: u8) -> Self {
-        Self { id: id & Self::MAX_ID, remote: false, len: len.min(8), data }
+    /// A data frame that is right by construction: more than 11 bits or eight bytes are cut off.
+    pub(crate) fn of(id: u16, payload: &[u8]) -> Self {
+        let mut data = [0; 8];
+        data.iter_mut().zip(payload).for_each(|(to, from)| *to = *from);
+        Self { id: id & Self::MAX_ID, remote: false, len: payload.len().min(8) as u8, data }
     }
 
     /// As [`of`](Self::of), for a remote request.
     pub(crate) fn remote_of(id: u16) -> Self {
-        Self { id: id & Self::MAX_ID, remote: true, len: 0, data: [0; 8] }
+        Self { remote: true, ..Self::of(id, &[]) }
     }
 
     /// The 11-bit identifier.
@@ -45,11 +44,6 @@ impl CanFrame {
     /// Whether this asks for data instead of carrying it.
     pub fn is_remote(&self) -> bool {
         self.remote
-    }
-
-    /// The bytes that it carries, and zeros behind them.
-    pub(crate) fn data(&self) -> [u8; 8] {
-        self.data
     }
 
     /// The bytes that it carries.

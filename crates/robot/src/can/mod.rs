@@ -3,22 +3,19 @@
 //! | carrier | for |
 //! |---|---|
 //! | [`SocketCanTransport`] | the kernel's CAN (`can0`), Linux only |
-//! | [`SlcanTransport`] | a serial adapter (`slcan:/dev/ttyUSB0`), any Unix |
-//! | [`VirtualBusTransport`] | a bus between processes without any hardware (`bus:/path`), served by `etude-emulators` |
+//! | [`SlcanTransport`] | a serial adapter (`slcan:/dev/ttyUSB0`), any Unix; or a virtual bus between processes without any hardware (`bus:/path`), served by `etude-emulators` |
 
 mod frame;
 mod slcan;
 mod slcan_stream;
 #[cfg(target_os = "linux")]
 mod socket;
-mod virtual_bus;
 
 pub use frame::{CanError, CanFrame, CanTransport};
-pub use slcan::{SlcanError, SlcanLines, SlcanReply, encode_frame, parse_frame};
+pub use slcan::{BUS_OFF, BUS_ON, SlcanError, SlcanLines, SlcanReply, encode_frame, parse_frame};
 pub use slcan_stream::{SlcanPort, SlcanTransport};
 #[cfg(target_os = "linux")]
 pub use socket::SocketCanTransport;
-pub use virtual_bus::{BusRecord, VirtualBusLink, VirtualBusTransport};
 
 /// What a serial adapter's spec begins with.
 const SERIAL: &str = "slcan:";
@@ -36,7 +33,7 @@ pub fn open(spec: &str) -> Result<Box<dyn CanTransport>, CanError> {
         return Ok(Box::new(SlcanTransport::open(port)?));
     }
     if let Some(path) = spec.strip_prefix(HUB) {
-        return Ok(Box::new(VirtualBusTransport::connect(path)?));
+        return Ok(Box::new(SlcanTransport::connect(path)?));
     }
     open_interface(spec)
 }

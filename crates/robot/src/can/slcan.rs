@@ -8,6 +8,11 @@
 
 use super::CanFrame;
 
+/// What a virtual bus says when it goes into bus-off, and when it comes out of it: the adapters'
+/// status flags, of which bit 7 is an error of the bus.
+pub const BUS_OFF: &[u8] = b"F80";
+/// The other one.
+pub const BUS_ON: &[u8] = b"F00";
 /// The longest line there is: an extended frame with eight bytes and a time stamp.
 const MAX_LINE: usize = 1 + 8 + 1 + 16 + 4;
 

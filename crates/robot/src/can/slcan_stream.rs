@@ -1,19 +1,24 @@
-//! A bus behind a serial adapter, on a serial port.
+//! A bus behind a serial adapter, on a serial port; and a virtual bus between processes, which uses
+//! the adapters' lines on a Unix socket.
 
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
 
 use serialport::{ClearBuffer, SerialPort, TTYPort};
 
-use super::slcan::{SlcanLines, SlcanReply, encode_frame, parse_frame};
+use super::slcan::{BUS_OFF, SlcanLines, SlcanReply, encode_frame, parse_frame};
 use super::{CanError, CanFrame, CanTransport};
 use crate::stream::{Outbox, read_once};
 
 const DEFAULT_BAUD: u32 = 115_200;
 /// Largest number of bytes that wait while the stream accepts none: about 80 frames.
 const WAITING: usize = 2048;
+const ADAPTER_GONE: &str = "the adapter is gone: plug it in again, then start again";
+const BUS_GONE: &str = "its virtual bus has ended: start it again, then this program";
 /// Refusals in a row, without a frame sent or received between them, after which the adapter is
 /// abandoned.
 const REFUSALS: u32 = 16;
@@ -35,6 +40,10 @@ pub struct SlcanTransport<S: Read + Write + Send> {
     refusals: u32,
     /// Whether the channel is another program's: what that has opened stays open.
     joined: bool,
+    /// What to do when the other end is gone.
+    gone: &'static str,
+    /// Whether a virtual bus is in bus-off.
+    off: bool,
 }
 
 /// A serial port that does not block.
@@ -66,7 +75,23 @@ impl SlcanTransport<SlcanPort> {
     /// # Errors
     /// If the port cannot be opened.
     pub fn join(spec: &str) -> Result<Self, CanError> {
-        Self::with(&format!("slcan:{spec}"), SlcanPort::open(spec)?, true)
+        Self::with(&format!("slcan:{spec}"), SlcanPort::open(spec)?, true, ADAPTER_GONE)
+    }
+}
+
+impl SlcanTransport<UnixStream> {
+    /// Joins the virtual bus at `path`.
+    ///
+    /// # Errors
+    /// If none is served there.
+    pub fn connect(path: impl AsRef<Path>) -> Result<Self, CanError> {
+        let bus = path.as_ref().display().to_string();
+        let hint = "start the emulator that serves this bus first, and give both the same path";
+        let connected = UnixStream::connect(path).and_then(|stream| stream.set_nonblocking(true).map(|()| stream));
+        match connected {
+            Ok(stream) => Self::with(&bus, stream, true, BUS_GONE),
+            Err(error) => Err(CanError::Open { bus, message: format!("{error}: {hint}") }),
+        }
     }
 }
 
@@ -97,10 +122,10 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
     /// # Errors
     /// If the stream is gone.
     pub fn over(name: &str, stream: S) -> Result<Self, CanError> {
-        Self::with(name, stream, false)
+        Self::with(name, stream, false, ADAPTER_GONE)
     }
 
-    fn with(name: &str, stream: S, joined: bool) -> Result<Self, CanError> {
+    fn with(name: &str, stream: S, joined: bool, gone: &'static str) -> Result<Self, CanError> {
         let mut transport = Self {
             name: name.to_owned(),
             stream,
@@ -109,6 +134,8 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
             arrived: VecDeque::new(),
             refusals: 0,
             joined,
+            gone,
+            off: false,
         };
         transport.outbox.push(if joined { END_OF_LINE } else { OPEN });
         transport.flush()?;
@@ -120,9 +147,7 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
     }
 
     fn flush(&mut self) -> Result<(), CanError> {
-        self.outbox
-            .flush(&mut self.stream)
-            .map_err(|error| self.broken(&format!("{error}: plug the adapter in again, then start again")))
+        self.outbox.flush(&mut self.stream).map_err(|error| self.broken(&format!("{}: {error}", self.gone)))
     }
 
     fn take(&mut self, byte: u8) {
@@ -136,6 +161,7 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
                     self.arrived.extend(frame);
                 }
             }
+            Some(SlcanReply::Line(status @ [b'F', ..])) => self.off = status == BUS_OFF,
             // Other lines are answers: a frame or a command was accepted.
             Some(SlcanReply::Line(_)) => self.refusals = 0,
         }
@@ -144,12 +170,15 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
 
 impl<S: Read + Write + Send> CanTransport for SlcanTransport<S> {
     fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
+        if self.off {
+            return Err(CanError::off(&self.name, "can0"));
+        }
         let mut line = Vec::with_capacity(32);
         encode_frame(&frame, &mut line);
         self.flush()?;
         if !self.outbox.push(&line) {
             return Err(
-                self.broken("the adapter takes no more bytes: is its serial speed (@baud) high enough?")
+                self.broken("the other end takes no more bytes: is a serial speed (@baud) high enough?")
             );
         }
         self.flush()
@@ -162,14 +191,17 @@ impl<S: Read + Write + Send> CanTransport for SlcanTransport<S> {
         self.flush()?;
         let mut bytes = [0; 1024];
         let read = read_once(&mut self.stream, &mut bytes);
-        let len = read.map_err(|_| self.broken("the adapter is gone: plug it in again, then start again"))?;
+        let len = read.map_err(|_| self.broken(self.gone))?;
         bytes.iter().take(len).for_each(|&byte| self.take(byte));
         if self.refusals >= REFUSALS {
             let message = "the adapter refuses every frame: check that the hand has power and the bus its \
                            terminator, and that no other program uses the adapter";
             return Err(self.broken(message));
         }
-        Ok(self.arrived.pop_front())
+        match self.arrived.pop_front() {
+            None if self.off => Err(CanError::off(&self.name, "can0")),
+            arrived => Ok(arrived),
+        }
     }
 }
 

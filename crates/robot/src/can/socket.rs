@@ -24,7 +24,7 @@ const WAITING: usize = 64;
 pub struct SocketCanTransport {
     name: String,
     socket: CanSocket,
-    waiting: VecDeque<CanFrame>,
+    waiting: VecDeque<socketcan::CanFrame>,
     /// The controller was in bus-off when it was last looked at.
     off: bool,
 }
@@ -78,23 +78,11 @@ impl SocketCanTransport {
 
     fn flush(&mut self) -> Result<(), CanError> {
         while let Some(frame) = self.waiting.front() {
-            let Some(id) = StandardId::new(frame.id()) else {
-                self.waiting.pop_front();
-                continue;
-            };
-            let made = if frame.is_remote() {
-                socketcan::CanFrame::new_remote(id, 0)
-            } else {
-                socketcan::CanFrame::new(id, frame.payload())
-            };
-            match made.map(|made| self.socket.write_frame(&made)) {
-                Some(Ok(())) | None => drop(self.waiting.pop_front()),
-                Some(Err(error))
-                    if is_not_ready(error.kind()) || error.raw_os_error() == Some(NO_BUFFERS) =>
-                {
-                    break;
-                }
-                Some(Err(error)) => return Err(self.broken(explain(&self.name, &error))),
+            match self.socket.write_frame(frame) {
+                Ok(()) => drop(self.waiting.pop_front()),
+                // No room in the queue of the interface is no error.
+                Err(error) if is_not_ready(error.kind()) || error.raw_os_error() == Some(NO_BUFFERS) => break,
+                Err(error) => return Err(self.broken(explain(&self.name, &error))),
             }
         }
         Ok(())
@@ -104,7 +92,12 @@ impl SocketCanTransport {
 impl CanTransport for SocketCanTransport {
     fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
         self.watch()?;
-        self.waiting.push_back(frame);
+        let id = StandardId::new(frame.id());
+        let made = id.and_then(|id| match frame.is_remote() {
+            true => socketcan::CanFrame::new_remote(id, 0),
+            false => socketcan::CanFrame::new(id, frame.payload()),
+        });
+        self.waiting.extend(made);
         self.flush()?;
         if self.waiting.len() > WAITING {
             let message = "nothing takes the frames: check the hand's supply, the cable and its terminator";

@@ -1,5 +1,6 @@
 //! A stop from outside the controller: each device hears it whatever the others do.
 
+use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::ScopedJoinHandle;
@@ -8,7 +9,7 @@ use std::time::{Duration, Instant};
 use etude_emulators::{
     ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, HandEmulator, HandEmulatorConfig, VirtualBus,
 };
-use etude_robot::can::{self, CanFrame, CanTransport, VirtualBusTransport};
+use etude_robot::can::{self, CanFrame, CanTransport, SlcanTransport};
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::{Stopped, stop};
 use etude_robot::xarm::codec::{Frame, Register, push_floats};
@@ -66,7 +67,7 @@ fn wait(stopping: ScopedJoinHandle<'_, Stopped>, mut turn: impl FnMut()) -> Stop
 
 /// An emulated hand on a virtual bus.
 struct BusHand {
-    bus: VirtualBusTransport,
+    bus: SlcanTransport<UnixStream>,
     hand: HandEmulator,
     /// Whether the servo was switched off.
     let_go: bool,
@@ -75,7 +76,7 @@ struct BusHand {
 impl BusHand {
     fn new(path: &Path) -> Self {
         let hand = HandEmulator::new(&HandEmulatorConfig::default());
-        Self { bus: VirtualBusTransport::connect(path).unwrap(), hand, let_go: false }
+        Self { bus: SlcanTransport::connect(path).unwrap(), hand, let_go: false }
     }
 
     fn turn(&mut self, now: Duration, answers: bool) {
