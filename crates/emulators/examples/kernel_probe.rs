@@ -107,7 +107,7 @@ fn hand() -> Checked {
             // A weak spring holds each joint 0.1 rad above where it rests.
             let positions = hand.positions();
             let wanted = positions.map(|rad| 200.0 * (0.5 - rad));
-            sent = hand.torque(now, &wanted, &mut out);
+            sent = hand.send_pwm(now, &wanted, &mut out);
         }
         out.drain(..).try_for_each(|frame| host_bus.send(frame))?;
     }

@@ -25,12 +25,6 @@ pub struct HandEmulatorConfig {
     pub device_id: DeviceId,
     /// The side that it reports.
     pub side: HandSide,
-    /// Hardware version; the upper byte is the generation.
-    pub hardware: u16,
-    /// Firmware version.
-    pub firmware: u16,
-    /// Serial number.
-    pub serial: [u8; 8],
     /// Temperature of its board, °C.
     pub board_celsius: u8,
     /// Temperature of each flat joint, °C.
@@ -59,9 +53,6 @@ impl Default for HandEmulatorConfig {
         Self {
             device_id: DeviceId::default(),
             side: HandSide::default(),
-            hardware: 0x0400,
-            firmware: 0x0101,
-            serial: *b"A0000001",
             board_celsius: 35,
             joint_celsius: [33; WIRE_JOINTS],
             fault_bits: 0,
@@ -202,13 +193,14 @@ impl HandEmulator {
     fn answer(&mut self, request: Request, out: &mut Vec<CanFrame>) {
         let message = match request {
             Request::Information => HandMessage::Information(Information {
-                hardware: self.config.hardware,
-                firmware: self.config.firmware,
+                // The upper byte is the generation.
+                hardware: 0x0400,
+                firmware: 0x0101,
                 side: self.config.side,
                 board_celsius: self.config.board_celsius,
                 status: self.status(),
             }),
-            Request::Serial => HandMessage::Serial(Serial(self.config.serial)),
+            Request::Serial => HandMessage::Serial(Serial(*b"A0000001")),
             Request::Position(finger) => HandMessage::Position { finger, counts: self.counts(finger) },
             Request::Temperature(finger) => {
                 let (fingers, _) = self.config.joint_celsius.as_chunks::<4>();

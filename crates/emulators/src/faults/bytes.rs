@@ -5,14 +5,18 @@
 
 use std::{collections::VecDeque, time::Duration};
 
-use super::link::FaultyLink;
 use super::plan::{Dice, FaultPlan, FaultPlanError, Link};
 
 /// Bytes on their way at most; later ones are lost.
 const MAX_BYTES: usize = 1 << 20;
 
-/// One direction of a byte stream on which things go wrong: bytes, each with its arrival.
-pub type FaultyBytes = FaultyLink<VecDeque<(Duration, u8)>>;
+/// One direction of a byte stream on which things go wrong.
+#[derive(Clone, Debug)]
+pub struct FaultyBytes {
+    dice: Dice,
+    /// Bytes, each with its arrival.
+    on_the_way: VecDeque<(Duration, u8)>,
+}
 
 impl FaultyBytes {
     /// A stream with these faults.
@@ -21,6 +25,11 @@ impl FaultyBytes {
     /// If the plan is not valid, or duplicates or reorders: a stream of bytes does neither.
     pub fn new(plan: &FaultPlan) -> Result<Self, FaultPlanError> {
         Ok(Self { dice: Dice::new(plan, Link::Bytes)?, on_the_way: VecDeque::new() })
+    }
+
+    /// Whether the link holds at this time; while it does not, a transport should report its loss.
+    pub fn is_connected(&self, now: Duration) -> bool {
+        self.dice.is_connected(now)
     }
 
     /// Sends a piece of bytes; those that are not lost arrive together.

@@ -2,7 +2,6 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use super::link::FaultyLink;
 use super::plan::{Dice, FaultPlan, FaultPlanError, Link};
 use etude_robot::can::CanFrame;
 
@@ -10,14 +9,12 @@ use etude_robot::can::CanFrame;
 const MAX_FRAMES: usize = 32_768;
 
 /// One direction of a CAN bus on which things go wrong.
-pub type FaultyFrames = FaultyLink<Frames>;
-
-/// Frames on their way.
-#[derive(Clone, Debug, Default)]
-pub struct Frames {
-    /// In the order in which they arrive; the second number keeps frames that are due together in
-    /// the order they came.
-    by_arrival: BTreeMap<(Duration, u64), CanFrame>,
+#[derive(Clone, Debug)]
+pub struct FaultyFrames {
+    dice: Dice,
+    /// Frames in the order in which they arrive; the second number keeps those that are due
+    /// together in the order they came.
+    on_the_way: BTreeMap<(Duration, u64), CanFrame>,
     number: u64,
 }
 
@@ -27,7 +24,12 @@ impl FaultyFrames {
     /// # Errors
     /// If the plan is not valid, or truncates: a frame arrives whole or not at all.
     pub fn new(plan: &FaultPlan) -> Result<Self, FaultPlanError> {
-        Ok(Self { dice: Dice::new(plan, Link::Frames)?, on_the_way: Frames::default() })
+        Ok(Self { dice: Dice::new(plan, Link::Frames)?, on_the_way: BTreeMap::new(), number: 0 })
+    }
+
+    /// Whether the link holds at this time; while it does not, a transport should report its loss.
+    pub fn is_connected(&self, now: Duration) -> bool {
+        self.dice.is_connected(now)
     }
 
     /// Sends a frame.
@@ -37,18 +39,17 @@ impl FaultyFrames {
         if self.dice.is_cut(now, due) || fate.lost {
             return;
         }
-        let frames = &mut self.on_the_way;
         for _ in 0..=u8::from(fate.duplicated) {
-            if frames.by_arrival.len() < MAX_FRAMES {
-                frames.by_arrival.insert((due, frames.number), frame);
-                frames.number += 1;
+            if self.on_the_way.len() < MAX_FRAMES {
+                self.on_the_way.insert((due, self.number), frame);
+                self.number += 1;
             }
         }
     }
 
     /// The next frame that has arrived by `now`.
     pub fn pop(&mut self, now: Duration) -> Option<CanFrame> {
-        let entry = self.on_the_way.by_arrival.first_entry().filter(|entry| entry.key().0 <= now)?;
+        let entry = self.on_the_way.first_entry().filter(|entry| entry.key().0 <= now)?;
         Some(entry.remove())
     }
 }

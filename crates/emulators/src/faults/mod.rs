@@ -7,7 +7,6 @@
 mod bytes;
 mod frames;
 mod kind;
-mod link;
 mod order;
 mod plan;
 

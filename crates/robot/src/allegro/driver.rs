@@ -1,9 +1,9 @@
 //! The driver of the hand: starts it, watches it, and is the only path for torques.
 //!
 //! In each cycle, pass every frame that has arrived to [`Hand::receive`] and call [`Hand::poll`].
-//! If either returns [`HandEvent::Positions`], compute torques once and call [`Hand::torque`]. The
-//! hand's position frames are thus the clock. `assembly` handles lost, duplicate and late frames;
-//! `encoder` rejects implausible readings.
+//! If either returns [`HandEvent::Positions`], compute torques once and call [`Hand::send_pwm`].
+//! The hand's position frames are thus the clock. `assembly` handles lost, duplicate and late
+//! frames; `encoder` rejects implausible readings.
 //!
 //! No public source says what a hand does when torque frames stop, so the driver assumes the worst:
 //! the hand holds the last torque. When no torque is requested any more, the driver sends zeros. In
@@ -148,10 +148,10 @@ impl Hand {
         event
     }
 
-    /// Sends torques: the `wanted` PWM of each flat joint, clamped to the configured limit and to
-    /// [`PWM_LIMITS`]; a number that is not finite becomes 0. Returns what was sent. Unless the
+    /// Sends torques: the `wanted` PWM of each flat joint, limited before the wire by [`clamp_pwm`]
+    /// to what is configured and to [`PWM_LIMITS`]; a number that is not finite becomes 0. Returns what was sent. Unless the
     /// hand is [`HandState::Ready`], sends nothing and returns zeros.
-    pub fn torque(
+    pub fn send_pwm(
         &mut self,
         now: Duration,
         wanted: &[f64; WIRE_JOINTS],

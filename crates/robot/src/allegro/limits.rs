@@ -41,8 +41,8 @@ pub fn counts_from_rad(rad: f64) -> i16 {
     (rad / RAD_PER_COUNT) as i16
 }
 
-/// The PWM that may be sent for a wanted one: cut towards zero, within ±`limit`, 0 for anything
-/// that is not a finite number.
+/// The torque limit before the wire: the PWM that may be sent for a wanted one. Cut towards zero,
+/// within ±`limit`, 0 for anything that is not a finite number.
 pub fn clamp_pwm(wanted: f64, limit: i16) -> i16 {
     let limit = limit.max(0);
     if wanted.is_finite() { wanted.clamp(-f64::from(limit), f64::from(limit)) as i16 } else { 0 }

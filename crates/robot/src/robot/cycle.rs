@@ -183,7 +183,7 @@ impl Robot {
         let reference = self.set_points.reference(now);
         self.following_error.take(at, &positions, &reference, &self.config.limits);
         let wanted = self.joint_loop.pwm(at, &positions, &reference, self.rail_arm.palm_down());
-        let pwm = self.hand.torque(now, &wanted, frames);
+        let pwm = self.hand.send_pwm(now, &wanted, frames);
         let may_press = may_press(&positions, self.rail_arm.is_on_path());
         self.plausibility.hand(at, &positions, &reference, &pwm, may_press);
         self.status.journal.push(Record::Hand { at, positions, reference, wanted, pwm });

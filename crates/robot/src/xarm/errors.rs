@@ -3,23 +3,6 @@
 //! Numbers and meanings are those of UFACTORY's manual and of `xarm/core/config/x_code.py` in
 //! xArm-Python-SDK; the remedies are our advice.
 
-/// One code, explained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Advice {
-    /// The number.
-    pub code: u8,
-    /// What has happened.
-    pub meaning: &'static str,
-    /// What to do next.
-    pub remedy: &'static str,
-}
-
-impl std::fmt::Display for Advice {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} ({}): {}", self.code, self.meaning, self.remedy)
-    }
-}
-
 const RELEASE: &str = "make sure that nobody and nothing is in the way, release the button, then start again";
 const REBOOT: &str = "switch the control box off and on; if it comes back, call UFACTORY's support";
 const SUPPORT: &str = "write the code down and call UFACTORY's support";
@@ -35,19 +18,16 @@ const CLEAR: &str =
     "clear what the arm touched, check payload and collision sensitivity in the config, then start again";
 const FILES: &str = "restore the controller's configuration in UFACTORY Studio, then switch it off and on";
 
-/// Explains an error of the controller. 0 is none.
-pub fn controller_error(code: u8) -> Advice {
-    let (meaning, remedy) = match ERRORS.iter().find(|row| row.0 == code) {
-        Some(&(_, meaning, remedy)) => (meaning, remedy),
-        None if code == 0 => ("none", "nothing to do"),
-        None => (
-            "not listed",
-            "look it up in UFACTORY's manual, clear the error in UFACTORY Studio, then start again",
-        ),
-    };
-    Advice { code, meaning, remedy }
+/// Explains an error of the controller: its number, what has happened, and what to do next.
+pub fn controller_error(code: u8) -> String {
+    let row = ERRORS.iter().find(|row| row.0 == code);
+    let (_, meaning, remedy) = row.unwrap_or(&(0, UNLISTED, LOOK_UP));
+    format!("{code} ({meaning}): {remedy}")
 }
 
+const UNLISTED: &str = "not listed";
+const LOOK_UP: &str =
+    "look it up in UFACTORY's manual, clear the error in UFACTORY Studio, then start again";
 const ERRORS: &[(u8, &str, &str)] = &[
     (1, "the emergency button is pressed", RELEASE),
     (2, "the emergency input is open", RELEASE),
@@ -110,11 +90,9 @@ mod tests {
     fn every_listed_code_is_explained_and_no_other() {
         let listed: Vec<u8> = LISTED.split_whitespace().map(|code| code.parse().unwrap()).collect();
         for code in 0..=u8::MAX {
-            let advice = controller_error(code);
-            assert_eq!(advice.code, code);
-            assert!(!advice.meaning.is_empty() && !advice.remedy.is_empty());
-            let known = !["none", "not listed"].contains(&advice.meaning);
-            assert_eq!(known, listed.contains(&code), "{advice}");
+            let said = controller_error(code);
+            assert!(said.starts_with(&format!("{code} (")), "{said}");
+            assert_eq!(!said.contains(UNLISTED), listed.contains(&code), "{said}");
         }
     }
 }

@@ -95,7 +95,7 @@ fn frames_at_random() {
         if event == HandEvent::Positions || polled == HandEvent::Positions {
             let reference = std::array::from_fn(|_| dice.signed() * 2.0);
             let wanted = joints.pwm(now, &hand.positions(), &reference, 1.0);
-            let sent = hand.torque(now, &wanted, &mut out);
+            let sent = hand.send_pwm(now, &wanted, &mut out);
             driven += u64::from(sent.iter().any(|pwm| *pwm != 0));
             assert!(sent.iter().zip(PWM_LIMITS).all(|(pwm, limit)| pwm.abs() <= limit), "{sent:?}");
         }

@@ -109,7 +109,9 @@ impl Arm {
         self.next_tick = Some(if missed { now + period } else { due + period });
         let Some(target) = self.target else { return };
         let next = self.within_reach(Target { at: Some(now), ..target });
-        let params = words(&next.joints, [0.0; 3]);
+        // Joints, and three values that servo mode ignores.
+        let mut params = [[0; 4]; ARM_JOINTS + 3];
+        params.iter_mut().zip(next.joints).for_each(|(word, angle)| *word = float(angle));
         self.request(now, Purpose::Target, Register::ServoJoints, params.as_flattened(), out);
         self.sent = Some(next);
     }
@@ -306,10 +308,4 @@ fn float(value: f64) -> [u8; 4] {
 fn is_queued(register: Register) -> bool {
     use Register::{JointAcceleration, JointJerk, TcpAcceleration, TcpJerk};
     matches!(register, TcpJerk | TcpAcceleration | JointJerk | JointAcceleration)
-}
-
-/// Joints and three more values, as little-endian floats.
-fn words(joints: &[f64; ARM_JOINTS], rest: [f64; 3]) -> [[u8; 4]; ARM_JOINTS + 3] {
-    let mut values = joints.iter().chain(&rest).map(|&value| (value as f32).to_le_bytes());
-    std::array::from_fn(|_| values.next().unwrap_or_default())
 }

@@ -22,7 +22,7 @@ fn what_was_sent_is_said_and_within_the_table() {
     let mut wanted = [1e9; WIRE_JOINTS];
     (wanted[0], wanted[1], wanted[3], wanted[4], wanted[5]) = (f64::NAN, -1e9, f64::INFINITY, -3.99, 374.99);
     let mut out = vec![];
-    let sent = bench.hand.torque(bench.now, &wanted, &mut out);
+    let sent = bench.hand.send_pwm(bench.now, &wanted, &mut out);
     let mut allowed = PWM_LIMITS;
     (allowed[0], allowed[1], allowed[2], allowed[3], allowed[4], allowed[5]) = (0, -675, 10, 0, -3, 374);
     assert_eq!(sent, allowed);
@@ -94,7 +94,7 @@ fn storm(hostile: f64) -> u32 {
             hand.stop(now, &mut to_hand);
         }
         let wanted: [f64; WIRE_JOINTS] = std::array::from_fn(|_| f64::from_bits(random.random()));
-        let sent = hand.torque(now, &wanted, &mut to_hand);
+        let sent = hand.send_pwm(now, &wanted, &mut to_hand);
         assert!(within_the_table(0, &sent));
         driven += u32::from(sent != [0; WIRE_JOINTS]);
         for frame in to_hand {
@@ -132,7 +132,7 @@ proptest! {
         bench.start();
         for bits in wanted {
             let mut out = vec![];
-            let sent = bench.hand.torque(bench.now, &bits.map(f64::from_bits), &mut out);
+            let sent = bench.hand.send_pwm(bench.now, &bits.map(f64::from_bits), &mut out);
             prop_assert_eq!(out.len(), 4);
             let within = |(pwm, limit): (&i16, i16)| (-limit..=limit).contains(pwm);
             prop_assert!(sent.iter().zip(config.pwm_limit).all(within));

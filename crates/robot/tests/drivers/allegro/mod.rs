@@ -116,7 +116,7 @@ impl Bench {
             self.ticks += 1;
             let at = self.hand.positions_at().unwrap();
             let wanted = self.joints.pwm(at, &self.hand.positions(), &self.reference, 0.0);
-            let _ = self.hand.torque(self.now, &wanted, &mut out);
+            let _ = self.hand.send_pwm(self.now, &wanted, &mut out);
         }
         for frame in out {
             self.sent.push((self.now, frame));

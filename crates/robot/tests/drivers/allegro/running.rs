@@ -134,7 +134,7 @@ fn fault_after(change: impl FnOnce(&mut Bench)) -> HandFault {
     };
     assert!(said.iter().all(is_release));
     let mut out = vec![];
-    assert_eq!(bench.hand.torque(bench.now, &[100.0; WIRE_JOINTS], &mut out), [0; WIRE_JOINTS]);
+    assert_eq!(bench.hand.send_pwm(bench.now, &[100.0; WIRE_JOINTS], &mut out), [0; WIRE_JOINTS]);
     assert!(out.is_empty());
     assert!(!fault.to_string().is_empty());
     fault

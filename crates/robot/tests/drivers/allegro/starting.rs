@@ -40,13 +40,13 @@ fn the_start_in_its_order() {
 fn nothing_is_driven_before_the_hand_is_known() {
     let mut hand = Hand::new(&HandConfig::default()).unwrap();
     let mut out = vec![];
-    assert_eq!(hand.torque(ms(0), &[100.0; WIRE_JOINTS], &mut out), [0; WIRE_JOINTS]);
+    assert_eq!(hand.send_pwm(ms(0), &[100.0; WIRE_JOINTS], &mut out), [0; WIRE_JOINTS]);
     assert!(out.is_empty());
     hand.start(ms(0));
     for millis in 0..=2100 {
         let _ = hand.poll(ms(millis), &mut out);
         let before = out.len();
-        assert_eq!(hand.torque(ms(millis), &[100.0; WIRE_JOINTS], &mut out), [0; WIRE_JOINTS]);
+        assert_eq!(hand.send_pwm(ms(millis), &[100.0; WIRE_JOINTS], &mut out), [0; WIRE_JOINTS]);
         assert_eq!(out.len(), before);
     }
     assert_eq!(hand.state(), HandState::Fault(HandFault::NoInformation));
