@@ -25,6 +25,8 @@ pub struct HandEmulatorConfig {
     pub device_id: DeviceId,
     /// The side that it reports.
     pub side: HandSide,
+    /// Hardware version; the upper byte is the generation.
+    pub hardware: u16,
     /// Temperature of its board, °C.
     pub board_celsius: u8,
     /// Temperature of each flat joint, °C.
@@ -53,6 +55,7 @@ impl Default for HandEmulatorConfig {
         Self {
             device_id: DeviceId::default(),
             side: HandSide::default(),
+            hardware: 0x0400,
             board_celsius: 35,
             joint_celsius: [33; WIRE_JOINTS],
             fault_bits: 0,
@@ -193,8 +196,7 @@ impl HandEmulator {
     fn answer(&mut self, request: Request, out: &mut Vec<CanFrame>) {
         let message = match request {
             Request::Information => HandMessage::Information(Information {
-                // The upper byte is the generation.
-                hardware: 0x0400,
+                hardware: self.config.hardware,
                 firmware: 0x0101,
                 side: self.config.side,
                 board_celsius: self.config.board_celsius,

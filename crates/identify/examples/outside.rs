@@ -16,7 +16,7 @@ use etude_identify::{
     Motion, Parameter, Problem, Replayer, Scale, Space, Trace,
 };
 use etude_perform::{Excitation, shaping_params};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_stage::controller::{Controller, Gains};
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::params::JointRow;

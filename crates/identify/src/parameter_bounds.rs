@@ -11,7 +11,7 @@
 
 use etude_perform::shaping_params;
 use etude_robot::allegro::{FULL_SCALE_PWM, JointLoopConfig};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL};

@@ -10,7 +10,7 @@ use etude_music::{CONTROL_HZ, Song};
 use etude_perform::{
     DueNote, Ending, Header, Job, Performance, RecordingWriter, Scores, SimRig, perform, write_frames_csv,
 };
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_stage::JOINT_NAMES;
 use etude_task::{ACTION_LEN, Piece, Player as _};
 use serde::Serialize;

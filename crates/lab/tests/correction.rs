@@ -11,7 +11,7 @@ use etude_music::CONTROL_HZ;
 use etude_perform::session::rig_choice;
 use etude_perform::{Correction, Ending, Job, Mode, Recording};
 use etude_robot::joints::{DRIVEN, RAIL};
-use etude_robot::rig::SETPOINT_HZ;
+use etude_robot::rig_file::SETPOINT_HZ;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS};
 use proptest::prelude::*;
 

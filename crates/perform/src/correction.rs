@@ -6,7 +6,7 @@
 //! Journal of Robotic Systems 1(2), 1984. Low-pass without phase: D. A. Bristow, M. Tharayil, A. G.
 //! Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006.
 
-use etude_robot::rig::SETPOINT_HZ;
+use etude_robot::rig_file::SETPOINT_HZ;
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 use serde::{Deserialize, Serialize};

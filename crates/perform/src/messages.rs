@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use etude_music::Note;
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use schemars::{JsonSchema, Schema};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};

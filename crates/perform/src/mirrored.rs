@@ -1,6 +1,6 @@
 //! A simulation whose joints a robot follows: the paper's modes *joint mirroring* and *hybrid*.
 
-use etude_robot::rig::LimitsConfig;
+use etude_robot::rig_file::LimitsConfig;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World, joint_range};
 use etude_task::{Command, RigState, TaskConfig, TaskError};
 

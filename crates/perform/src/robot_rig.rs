@@ -235,5 +235,5 @@ pub fn keys(robot: &Robot) -> KeySet {
 }
 
 // Physics steps and set-points have the same rate, and both crates have the same driven joints.
-const _: () = assert!(CONTROL_HZ * PHYSICS_STEPS as f64 == etude_robot::rig::SETPOINT_HZ);
+const _: () = assert!(CONTROL_HZ * PHYSICS_STEPS as f64 == etude_robot::rig_file::SETPOINT_HZ);
 const _: () = assert!(DRIVEN_JOINTS == etude_robot::joints::DRIVEN && RAIL == etude_robot::joints::RAIL);

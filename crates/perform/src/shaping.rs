@@ -5,7 +5,7 @@
 //! robot already include this shaping, so the policy's own simulator must not shape the targets a
 //! second time.
 
-use etude_robot::rig::LimitsConfig;
+use etude_robot::rig_file::LimitsConfig;
 use etude_stage::controller::{Actuation, Controller, Gains};
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
@@ -95,7 +95,7 @@ mod tests {
         ) {
             let limits = LimitsConfig::default();
             let mut shaping = Shaping::new(&limits, &[0.0; DRIVEN_JOINTS]);
-            let rig = etude_robot::rig::RigConfig { limits, ..Default::default() };
+            let rig = etude_robot::rig_file::RigConfig { limits, ..Default::default() };
             let axes = rig.axes();
             let limits: [AxisLimits; DRIVEN_JOINTS] =
                 std::array::from_fn(|joint| if joint == RAIL { axes[axes.len() - 1] } else { axes[joint] });

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use etude_music::CONTROL_HZ;
-use etude_robot::rig::SETPOINT_HZ;
+use etude_robot::rig_file::SETPOINT_HZ;
 use serde::Serialize;
 
 use crate::stats::{nearest_rank, sorted};

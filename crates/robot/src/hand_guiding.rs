@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::rig::RigConfig;
+use crate::rig_file::RigConfig;
 use crate::stop::NOT_STOPPED;
 use crate::xarm::codec::STOPPED;
 use crate::xarm::kinematics::ARM_JOINTS;

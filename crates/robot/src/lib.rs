@@ -16,7 +16,7 @@
 //! | [`joints`] | the order of joints, stated once |
 //! | [`limiter`] | what every set-point goes through |
 //! | [`calibration`] | where the keyboard stands, and the arm's path along it |
-//! | [`rig`] | a rig's file |
+//! | [`rig_file`] | a rig's file |
 //! | [`Robot`] | the controller of all three devices |
 //! | [`hand_guiding`] | the arm alone, guided by hand for calibration |
 //! | [`priority`] | real-time priority of the controlling thread |
@@ -34,7 +34,7 @@ pub mod limiter;
 pub mod monitor;
 mod pace;
 pub mod priority;
-pub mod rig;
+pub mod rig_file;
 mod robot;
 pub mod stop;
 pub mod stream;

@@ -8,7 +8,7 @@ use etude_checks::RangeError;
 use crate::allegro::{Finger, HandMessage, HostMessage, Information, Request, WIRE_JOINTS, rad_from_counts};
 use crate::can::{self, CanTransport};
 use crate::keyboard::{self, KeyChange, Keyboard, MidiSource};
-use crate::rig::RigConfig;
+use crate::rig_file::RigConfig;
 use crate::xarm::report::{Report, ReportParser};
 use crate::xarm::{ArmConnection, ArmLinkError};
 

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use crate::allegro::Hand;
 use crate::can::{self, CanError, CanTransport};
 use crate::priority::{Priority, Rank};
-use crate::rig::RigConfig;
+use crate::rig_file::RigConfig;
 use crate::xarm::{ArmCommands, Stopper};
 
 /// Time within which the arm must confirm.

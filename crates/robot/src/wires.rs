@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use crate::can::{self, CanError, CanFrame, CanTransport};
 use crate::keyboard::{MidiError, MidiPort};
-use crate::rig::WiresConfig;
+use crate::rig_file::WiresConfig;
 use crate::robot::RobotError;
 use crate::xarm::{ArmConnection, ArmLinkError};
 

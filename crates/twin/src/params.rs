@@ -7,7 +7,7 @@ use std::fmt;
 use std::path::Path;
 
 use etude_emulators::faults::OrderedFault;
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 
 use crate::error::TwinParamsError;
 use crate::numbers::Numbers;

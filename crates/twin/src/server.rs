@@ -17,7 +17,7 @@ use etude_robot::calibration::{CalibrationError, RailPath};
 use etude_robot::can::{CanError, CanTransport as _, SlcanTransport};
 use etude_robot::keyboard::MidiError;
 use etude_robot::priority::{Priority, Rank};
-use etude_robot::rig::{RigConfig, WiresConfig};
+use etude_robot::rig_file::{RigConfig, WiresConfig};
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Pace as _, propose_fence};
 

@@ -20,7 +20,7 @@ use etude_perform::session::{
 use etude_robot::hand_guiding::{Guiding, HandGuidingError, read_pose};
 use etude_robot::monitor::Monitor;
 use etude_robot::priority::{Priority, Rank};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_robot::stop::stop;
 use etude_twin::SHOWN_KEYS;
 use serde_json::json;

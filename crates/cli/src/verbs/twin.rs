@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::ValueHint;
 use etude_perform::shell_word;
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_twin::{ArmPorts, OrderedFault, TwinParams, TwinServer};
 use serde_json::json;
 

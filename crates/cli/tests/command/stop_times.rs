@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use etude_robot::can::{self, CanTransport};
 use etude_robot::priority::{Priority, Rank};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_robot::xarm::ArmConnection;
 use etude_robot::xarm::report::ReportParser;
 

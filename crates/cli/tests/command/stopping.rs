@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use etude_perform::Recording;
 use etude_perform::session::Claim;
 use etude_robot::priority::{Priority, Rank};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use serde_json::Value;
 
 use crate::processes::{self, children_of, with_arguments};

@@ -153,18 +153,20 @@ impl Motion {
                 let speed = |joint: usize| (self.joints[joint] - before[joint]) / STEP_SECS;
                 self.speeds = std::array::from_fn(|joint| if ended { 0.0 } else { speed(joint) });
             }
-            Drive::Follow(target) => self.turn_to(&target, MAX_ACCELERATION, |apart, speed| match damping_ratio {
-                // As fast as allowed, but so that it can still stop at the target.
-                None => {
-                    let stoppable = (2.0 * MAX_ACCELERATION * apart.abs()).sqrt().min(MAX_SPEED);
-                    (bandwidth * apart).clamp(-stoppable, stoppable)
-                }
-                // A mass on a spring.
-                Some(ratio) => {
-                    let pull = bandwidth * apart - 2.0 * ratio * speed;
-                    (speed + bandwidth * pull * STEP_SECS).clamp(-MAX_SPEED, MAX_SPEED)
-                }
-            }),
+            Drive::Follow(target) => {
+                self.turn_to(&target, MAX_ACCELERATION, |apart, speed| match damping_ratio {
+                    // As fast as allowed, but so that it can still stop at the target.
+                    None => {
+                        let stoppable = (2.0 * MAX_ACCELERATION * apart.abs()).sqrt().min(MAX_SPEED);
+                        (bandwidth * apart).clamp(-stoppable, stoppable)
+                    }
+                    // A mass on a spring.
+                    Some(ratio) => {
+                        let pull = bandwidth * apart - 2.0 * ratio * speed;
+                        (speed + bandwidth * pull * STEP_SECS).clamp(-MAX_SPEED, MAX_SPEED)
+                    }
+                })
+            }
             Drive::Seek(target, most, acceleration) => {
                 let most = if paused { 0.0 } else { most };
                 // Slower near the target than the acceleration would allow, so that it does not

@@ -1,7 +1,7 @@
 //! The commands of a recording.
 
 use etude_perform::{Activity, Recording};
-use etude_robot::rig::SETPOINT_HZ;
+use etude_robot::rig_file::SETPOINT_HZ;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS};
 
 /// The commands of a motion.

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use etude_music::{CONTROL_HZ, KEY_COUNT, KeyEvent, LOWEST_PITCH};
 use etude_perform::{Activity, Excitation, Recording, RecordingError};
 use etude_robot::joints::HAND_DRIVEN_JOINTS;
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, RAIL, Side};
 
 mod commands;

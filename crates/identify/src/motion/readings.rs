@@ -3,7 +3,7 @@
 use etude_perform::{HandMessage, Recording};
 use etude_robot::allegro::RAD_PER_COUNT;
 use etude_robot::joints::HAND_DRIVEN_JOINTS;
-use etude_robot::rig::SETPOINT_HZ;
+use etude_robot::rig_file::SETPOINT_HZ;
 use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, RAIL};
 
 /// Longest gap between readings, s.

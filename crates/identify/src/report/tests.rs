@@ -39,7 +39,7 @@ fn motion(path: &str, expected: &PhysicalParams) -> Motion {
     let targets = (0..STEPS).map(|step| std::array::from_fn(|joint| swing(step, joint))).collect();
     let mut motion = Motion {
         path: PathBuf::from(path),
-        rig: etude_robot::rig::RigConfig::default(),
+        rig: etude_robot::rig_file::RigConfig::default(),
         rig_label: "lab".to_string(),
         mode: "chirp".to_string(),
         commands: Commands::Targets(targets),

@@ -10,7 +10,7 @@ use etude_identify::{
     Replayer, identify,
 };
 use etude_perform::{Excitation, Job, shaping_params};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_stage::params::JointRow;
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL, Side, StageConfig};
 use rand::{RngExt as _, SeedableRng as _};

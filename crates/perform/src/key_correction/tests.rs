@@ -1,5 +1,5 @@
 use etude_music::{KeyEvent, notes_from_key_events};
-use etude_robot::rig::SETPOINT_HZ;
+use etude_robot::rig_file::SETPOINT_HZ;
 use etude_stage::geometry::key_target;
 use etude_stage::kinematics::reach;
 

@@ -3,7 +3,7 @@
 use etude_music::LOWEST_PITCH;
 use etude_robot::calibration::{Calibration, CalibrationError, Point, RailPath};
 use etude_robot::hand_guiding::GuidedPose;
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_stage::geometry::key_lateral;
 use etude_twin::SHOWN_KEYS;
 

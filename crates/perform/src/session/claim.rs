@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant, SystemTime};
 
-use etude_robot::rig::WiresConfig;
+use etude_robot::rig_file::WiresConfig;
 use etude_robot::{can, xarm};
 
 /// A robot that this process alone may move.

@@ -3,7 +3,7 @@
 use etude_robot::RobotError;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::CalibrationError;
-use etude_robot::rig::RigError;
+use etude_robot::rig_file::RigError;
 use etude_stage::Side;
 use etude_twin::TwinError;
 

@@ -17,7 +17,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use etude_robot::priority::{Priority, Rank};
-use etude_robot::rig::{RigConfig, WiresConfig};
+use etude_robot::rig_file::{RigConfig, WiresConfig};
 use etude_robot::stop::{Stopped, stop};
 
 use super::claim::Claim;

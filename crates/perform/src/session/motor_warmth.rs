@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use etude_robot::allegro::WIRE_JOINTS;
-use etude_robot::rig::WiresConfig;
+use etude_robot::rig_file::WiresConfig;
 use etude_robot::{MotorHeat, can};
 use serde::{Deserialize, Serialize};
 

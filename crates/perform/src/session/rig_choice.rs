@@ -12,7 +12,7 @@ use super::robot_session::{Live, Session, SessionPace};
 use super::worker::Worker;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
-use etude_robot::rig::{RigConfig, RigError, WiresConfig};
+use etude_robot::rig_file::{RigConfig, RigError, WiresConfig};
 use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Robot, propose_fence};

@@ -60,7 +60,7 @@ impl JointLoop {
     /// The wanted PWM of each flat joint, unclamped, for positions measured at `at` and references,
     /// both in rad, and the cosine of the angle between the palm's normal and straight down. A
     /// number that is not finite gives a PWM that is not, which
-    /// [`Hand::torque`](super::Hand::torque) sends as 0; it does not stay in the filter.
+    /// [`Hand::send_pwm`](super::Hand::send_pwm) sends as 0; it does not stay in the filter.
     pub fn pwm(
         &mut self,
         at: Duration,

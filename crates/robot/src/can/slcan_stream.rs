@@ -87,7 +87,8 @@ impl SlcanTransport<UnixStream> {
     pub fn connect(path: impl AsRef<Path>) -> Result<Self, CanError> {
         let bus = path.as_ref().display().to_string();
         let hint = "start the emulator that serves this bus first, and give both the same path";
-        let connected = UnixStream::connect(path).and_then(|stream| stream.set_nonblocking(true).map(|()| stream));
+        let connected =
+            UnixStream::connect(path).and_then(|stream| stream.set_nonblocking(true).map(|()| stream));
         match connected {
             Ok(stream) => Self::with(&bus, stream, true, BUS_GONE),
             Err(error) => Err(CanError::Open { bus, message: format!("{error}: {hint}") }),

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::allegro::WIRE_JOINTS;
 use crate::joints::{DRIVEN, HAND_DRIVEN_JOINTS, RAIL, to_wire};
-use crate::rig::SETPOINT_HZ;
+use crate::rig_file::SETPOINT_HZ;
 
 /// Set-points of all axes.
 pub(super) const AXES: usize = WIRE_JOINTS + 1;

@@ -7,7 +7,7 @@ use crate::allegro::HandFault;
 use crate::calibration::CalibrationError;
 use crate::can::CanError;
 use crate::keyboard::MidiError;
-use crate::rig::RigError;
+use crate::rig_file::RigError;
 use crate::xarm::kinematics::KinematicsError;
 use crate::xarm::{ArmError, ArmFault, ArmLinkError, OutsideFence};
 

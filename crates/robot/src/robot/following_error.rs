@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use crate::allegro::{JOINT_LIMITS_RAD, WIRE_JOINTS};
-use crate::rig::LimitsConfig;
+use crate::rig_file::LimitsConfig;
 
 /// Share of a joint's range that it may be from its reference at most: a joint with a short range
 /// could otherwise be blocked at its stop without ever being far enough.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::fault::Fault;
 use super::record::{Journal, Record};
 use crate::keyboard::{KeyChange, Keyboard, KeyboardState};
-use crate::rig::{RigConfig, RigError};
+use crate::rig_file::{RigConfig, RigError};
 use crate::wires::Wires;
 
 /// The keyboard's driver and its connection.

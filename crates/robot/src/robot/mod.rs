@@ -3,7 +3,7 @@
 //!
 //! [`Robot`] is polled with the time and its [`Wires`]; between polls the caller gives it a
 //! trajectory to [`follow`](Robot::follow). Set-points go through the limiter on a grid of
-//! [`SETPOINT_HZ`](crate::rig::SETPOINT_HZ); from there the rail becomes joint angles of the arm,
+//! [`SETPOINT_HZ`](crate::rig_file::SETPOINT_HZ); from there the rail becomes joint angles of the arm,
 //! and the fingers become torques at the hand's own clock. There is no other path to either device.
 //!
 //! ```text
@@ -62,7 +62,7 @@ use crate::calibration::{RailPath, RailPlace};
 use crate::can::CanFrame;
 use crate::joints::{DRIVEN, from_wire};
 use crate::keyboard::Keyboard;
-use crate::rig::{RigConfig, RigError};
+use crate::rig_file::{RigConfig, RigError};
 use crate::wires::Wires;
 use crate::xarm::{Arm, ArmFault};
 use axes::driven;

@@ -10,7 +10,7 @@ use super::homing_plan::{CLEAR_M, ViaPoint};
 use super::status::{Phase, Status};
 use crate::calibration::{RailPath, RailPlace};
 use crate::limiter::Axis;
-use crate::rig::{RigConfig, RigError};
+use crate::rig_file::{RigConfig, RigError};
 use crate::wires::Wires;
 use crate::xarm::kinematics::{ARM_JOINTS, forward};
 use crate::xarm::{Arm, ArmConfig};

@@ -8,7 +8,7 @@ use super::record::Record;
 use super::slow_move::Easing;
 use crate::allegro::WIRE_JOINTS;
 use crate::limiter::{Axis, AxisLimits, Clamp};
-use crate::rig::SETPOINT_HZ;
+use crate::rig_file::SETPOINT_HZ;
 
 /// Largest distance from its range at which a joint of the hand may start, rad: backlash, and some
 /// give of the stop.

@@ -93,7 +93,7 @@ impl Easing {
 mod tests {
     use super::*;
     use crate::limiter::Axis;
-    use crate::rig::{RigConfig, SETPOINT_HZ};
+    use crate::rig_file::{RigConfig, SETPOINT_HZ};
 
     #[test]
     fn a_slow_move_keeps_its_speeds_and_ends_at_rest() {

@@ -26,8 +26,7 @@ pub fn controller_error(code: u8) -> String {
 }
 
 const UNLISTED: &str = "not listed";
-const LOOK_UP: &str =
-    "look it up in UFACTORY's manual, clear the error in UFACTORY Studio, then start again";
+const LOOK_UP: &str = "look it up in UFACTORY's manual, clear the error in UFACTORY Studio, then start again";
 const ERRORS: &[(u8, &str, &str)] = &[
     (1, "the emergency button is pressed", RELEASE),
     (2, "the emergency input is open", RELEASE),

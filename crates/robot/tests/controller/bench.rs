@@ -13,7 +13,7 @@ use etude_robot::calibration::{Calibration, Point, RailPath};
 use etude_robot::can::{CanError, CanFrame};
 use etude_robot::joints::DRIVEN;
 use etude_robot::keyboard::MidiError;
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_robot::wires::Wires;
 use etude_robot::xarm::ArmLinkError;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;

@@ -1,7 +1,7 @@
 //! Whatever a rig's file may hold, the controller runs with it or ends in a fault.
 
 use etude_robot::Phase;
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 
 use crate::bench::{Bench, rig};
 

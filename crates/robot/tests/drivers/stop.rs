@@ -10,7 +10,7 @@ use etude_emulators::{
     ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, HandEmulator, HandEmulatorConfig, VirtualBus,
 };
 use etude_robot::can::{self, CanFrame, CanTransport, SlcanTransport};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_robot::stop::{Stopped, stop};
 use etude_robot::xarm::codec::{Frame, Register, push_floats};
 

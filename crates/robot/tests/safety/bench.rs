@@ -7,7 +7,7 @@ use std::time::Duration;
 use etude_emulators::faults::FaultPlan;
 use etude_robot::calibration::{Calibration, RailPath};
 use etude_robot::joints::DRIVEN;
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_robot::wires::Wires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Pace as _, Phase, Record, Refused, Robot};

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use etude_robot::can::CanFrame;
 use etude_robot::limiter::AxisLimits;
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_robot::xarm::kinematics::forward;
 use etude_robot::{Phase, Record};
 use etude_stage::DRIVEN_JOINTS;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use etude_robot::calibration::{Calibration, RailPath};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig_file::RigConfig;
 use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Phase, Robot};

@@ -10,7 +10,7 @@ use std::time::Instant;
 use etude_robot::Fault;
 use etude_robot::allegro::HandFault;
 use etude_robot::can::{self, CanFrame};
-use etude_robot::rig::{RigConfig, WiresConfig};
+use etude_robot::rig_file::{RigConfig, WiresConfig};
 use etude_twin::{ArmPorts, TwinParams, TwinServer};
 
 use super::*;
