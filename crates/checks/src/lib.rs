@@ -132,7 +132,7 @@ impl<T: Numbers, const N: usize> Numbers for [T; N] {
 
 /// Makes a structure of settings, its `Default`, and `check_ranges`. Each row is a field, its
 /// default and, if it is a [number](Numbers), its range. The literal behind the structure's name is
-/// what the paths of its settings begin with.
+/// what the paths of its settings begin with; without one, no setting has a range.
 #[macro_export]
 macro_rules! settings {
     (
@@ -141,13 +141,9 @@ macro_rules! settings {
             $($(#[$doc:meta])* $field_vis:vis $field:ident: $type:ty = $default:expr $(, $range:expr)?;)*
         }
     ) => {
-        $(#[$about])*
-        $vis struct $name { $($(#[$doc])* $field_vis $field: $type,)* }
-
-        impl Default for $name {
-            fn default() -> Self {
-                Self { $($field: $default,)* }
-            }
+        $crate::settings! {
+            $(#[$about])*
+            $vis struct $name { $($(#[$doc])* $field_vis $field: $type = $default;)* }
         }
 
         impl $name {
@@ -158,6 +154,21 @@ macro_rules! settings {
             $vis fn check_ranges(&self) -> Result<(), $crate::RangeError> {
                 $($($crate::Numbers::check(&self.$field, concat!($prefix, ".", stringify!($field)), &($range))?;)?)*
                 Ok(())
+            }
+        }
+    };
+    (
+        $(#[$about:meta])*
+        $vis:vis struct $name:ident {
+            $($(#[$doc:meta])* $field_vis:vis $field:ident: $type:ty = $default:expr;)*
+        }
+    ) => {
+        $(#[$about])*
+        $vis struct $name { $($(#[$doc])* $field_vis $field: $type,)* }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $default,)* }
             }
         }
     };

@@ -7,6 +7,7 @@
 
 use std::time::Duration;
 
+use etude_checks::settings;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg32;
 use serde::{Deserialize, Serialize};
@@ -17,56 +18,38 @@ use etude_robot::allegro::{
 };
 use etude_robot::can::CanFrame;
 
-/// Settings of the emulated hand.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct HandEmulatorConfig {
-    /// Its number on the bus.
-    pub device_id: DeviceId,
-    /// The side that it reports.
-    pub side: HandSide,
-    /// Hardware version; the upper byte is the generation.
-    pub hardware: u16,
-    /// Temperature of its board, °C.
-    pub board_celsius: u8,
-    /// Temperature of each flat joint, °C.
-    pub joint_celsius: [u8; WIRE_JOINTS],
-    /// Bits of the status byte that are set besides the servo's.
-    pub fault_bits: u8,
-    /// Joints whose encoder counts in the wrong direction.
-    pub reversed: [bool; WIRE_JOINTS],
-    /// Joints whose motor has no torque.
-    pub dead: [bool; WIRE_JOINTS],
-    /// Encoder readings are off by up to so many counts, evenly.
-    pub noise_counts: u16,
-    /// Seed of that noise.
-    pub seed: u64,
-    /// Whether servo OFF cuts the torque and is reported. A hand whose OFF does nothing holds its
-    /// torque.
-    pub off_cuts: bool,
-    /// Torque is cut when no torque frame came for so long, s; with none it is held without limit.
-    pub torque_timeout_secs: Option<f64>,
-    /// The hand's clock runs this much faster than the host's, as a share (0.0001 is 100 ppm).
-    pub clock_skew: f64,
-}
-
-impl Default for HandEmulatorConfig {
-    fn default() -> Self {
-        Self {
-            device_id: DeviceId::default(),
-            side: HandSide::default(),
-            hardware: 0x0400,
-            board_celsius: 35,
-            joint_celsius: [33; WIRE_JOINTS],
-            fault_bits: 0,
-            reversed: [false; WIRE_JOINTS],
-            dead: [false; WIRE_JOINTS],
-            noise_counts: 0,
-            seed: 0,
-            off_cuts: true,
-            torque_timeout_secs: None,
-            clock_skew: 0.0,
-        }
+settings! {
+    /// Settings of the emulated hand.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct HandEmulatorConfig {
+        /// Its number on the bus.
+        pub device_id: DeviceId = DeviceId::default();
+        /// The side that it reports.
+        pub side: HandSide = HandSide::default();
+        /// Hardware version; the upper byte is the generation.
+        pub hardware: u16 = 0x0400;
+        /// Temperature of its board, °C.
+        pub board_celsius: u8 = 35;
+        /// Temperature of each flat joint, °C.
+        pub joint_celsius: [u8; WIRE_JOINTS] = [33; WIRE_JOINTS];
+        /// Bits of the status byte that are set besides the servo's.
+        pub fault_bits: u8 = 0;
+        /// Joints whose encoder counts in the wrong direction.
+        pub reversed: [bool; WIRE_JOINTS] = [false; WIRE_JOINTS];
+        /// Joints whose motor has no torque.
+        pub dead: [bool; WIRE_JOINTS] = [false; WIRE_JOINTS];
+        /// Encoder readings are off by up to so many counts, evenly.
+        pub noise_counts: u16 = 0;
+        /// Seed of that noise.
+        pub seed: u64 = 0;
+        /// Whether servo OFF cuts the torque and is reported. A hand whose OFF does nothing holds its
+        /// torque.
+        pub off_cuts: bool = true;
+        /// Torque is cut when no torque frame came for so long, s; with none it is held without limit.
+        pub torque_timeout_secs: Option<f64> = None;
+        /// The hand's clock runs this much faster than the host's, as a share (0.0001 is 100 ppm).
+        pub clock_skew: f64 = 0.0;
     }
 }
 

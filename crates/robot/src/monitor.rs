@@ -1,6 +1,7 @@
 //! Watches the devices of a rig without changing anything: sends only requests that are always
 //! allowed.
 
+use std::fmt::Display;
 use std::time::Duration;
 
 use etude_checks::RangeError;
@@ -9,8 +10,8 @@ use crate::allegro::{Finger, HandMessage, HostMessage, Information, Request, WIR
 use crate::can::{self, CanTransport};
 use crate::keyboard::{self, KeyChange, Keyboard, MidiSource};
 use crate::rig_file::RigConfig;
+use crate::xarm::ArmConnection;
 use crate::xarm::report::{Report, ReportParser};
-use crate::xarm::{ArmConnection, ArmLinkError};
 
 /// The last data of each device. `Err` holds the reason why a device is not connected.
 #[derive(Debug)]
@@ -73,52 +74,15 @@ impl Monitor {
 
     /// Requests the hand's positions and its Information.
     pub fn ask(&mut self) {
-        let fingers = Finger::ALL.map(Request::Position);
-        for request in fingers.into_iter().chain([Request::Information]) {
+        for request in Finger::ALL.map(Request::Position).into_iter().chain([Request::Information]) {
             let frame = HostMessage::Request(request).encode(self.config.hand.device_id);
-            let sent = self.bus.as_mut().map(|bus| bus.send(frame));
-            if let Ok(Err(error)) = sent {
-                self.bus = Err(error.to_string());
-            }
+            used(&mut self.bus, |bus| bus.send(frame));
         }
     }
 
     /// Receives what has arrived by `now`.
     pub fn poll(&mut self, now: Duration) {
-        self.poll_hand();
-        self.bytes.clear();
-        let read = self.arm.as_mut().map(|arm| {
-            let mut ignored = Vec::new();
-            arm.commands.receive(&mut ignored)?;
-            arm.receive_reports(&mut self.bytes)
-        });
-        if let Ok(Err::<(), ArmLinkError>(error)) = read {
-            self.arm = Err(error.to_string());
-        }
-        let mut bytes = self.bytes.as_slice();
-        while let Some(report) = self.reports.next(&mut bytes) {
-            self.report = Some(report);
-        }
-        self.bytes.clear();
-        let read = self.midi.as_mut().map(|midi| midi.receive(&mut self.bytes));
-        if let Ok(Err(error)) = read {
-            self.midi = Err(error.to_string());
-        }
-        self.changes.clear();
-        self.keyboard.receive(now, &self.bytes, &mut self.changes);
-        self.keyboard.poll(now, &mut self.changes);
-    }
-
-    fn poll_hand(&mut self) {
-        loop {
-            let frame = match self.bus.as_mut().map(|bus| bus.receive()) {
-                Ok(Ok(Some(frame))) => frame,
-                Ok(Err(error)) => {
-                    self.bus = Err(error.to_string());
-                    return;
-                }
-                Ok(Ok(None)) | Err(_) => return,
-            };
+        while let Some(Some(frame)) = used(&mut self.bus, |bus| bus.receive()) {
             match HandMessage::decode(self.config.hand.device_id, &frame) {
                 Some(HandMessage::Position { finger, counts }) => {
                     self.counts[finger.number()] = Some(counts);
@@ -127,6 +91,18 @@ impl Monitor {
                 _ => {}
             }
         }
+        let (replies, bytes) = (&mut Vec::new(), &mut self.bytes);
+        bytes.clear();
+        used(&mut self.arm, |arm| arm.commands.receive(replies).and_then(|()| arm.receive_reports(bytes)));
+        let mut reports = bytes.as_slice();
+        while let Some(report) = self.reports.next(&mut reports) {
+            self.report = Some(report);
+        }
+        bytes.clear();
+        self.changes.clear();
+        used(&mut self.midi, |midi| midi.receive(bytes));
+        self.keyboard.receive(now, bytes, &mut self.changes);
+        self.keyboard.poll(now, &mut self.changes);
     }
 
     /// The last data of each device.
@@ -145,6 +121,20 @@ impl Monitor {
             hand: self.bus.as_ref().map(|_| (angles(), self.information)).map_err(Clone::clone),
             arm: self.arm.as_ref().map(|_| self.report).map_err(Clone::clone),
             keyboard: self.midi.as_ref().map(|_| self.keyboard.pressed()).map_err(Clone::clone),
+        }
+    }
+}
+
+/// What a device that is connected gives. One that fails is not connected from then on.
+fn used<T, V, E: Display>(
+    device: &mut Result<T, String>,
+    use_it: impl FnOnce(&mut T) -> Result<V, E>,
+) -> Option<V> {
+    match use_it(device.as_mut().ok()?) {
+        Ok(value) => Some(value),
+        Err(error) => {
+            *device = Err(error.to_string());
+            None
         }
     }
 }

@@ -36,25 +36,20 @@ pub struct RigConfig {
     pub keyboard: KeyboardConfig,
 }
 
-/// Where the devices are.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct WiresConfig {
-    /// The hand's bus: an interface such as `can0`, `slcan:/dev/ttyUSB0`, or `bus:SOCKET` of
-    /// another process.
-    pub can: String,
-    /// The arm's address.
-    pub arm: String,
-    /// The keyboard: `alsa:NAME` (part of the port's name), `raw:DEVICE`, or `midi:SOCKET` of
-    /// another process.
-    pub midi: String,
-}
-
-impl Default for WiresConfig {
-    /// As the devices come: the first CAN interface, the arm's address after a reset, the keyboard
-    /// by its name.
-    fn default() -> Self {
-        Self { can: "can0".into(), arm: "192.168.1.111".into(), midi: "alsa:Keystation".into() }
+settings! {
+    /// Where the devices are. The defaults are as the devices come: the first CAN interface, the arm's
+    /// address after a reset, the keyboard by its name.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct WiresConfig {
+        /// The hand's bus: an interface such as `can0`, `slcan:/dev/ttyUSB0`, or `bus:SOCKET` of
+        /// another process.
+        pub can: String = "can0".into();
+        /// The arm's address.
+        pub arm: String = "192.168.1.111".into();
+        /// The keyboard: `alsa:NAME` (part of the port's name), `raw:DEVICE`, or `midi:SOCKET` of
+        /// another process.
+        pub midi: String = "alsa:Keystation".into();
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use etude_checks::settings;
 use serde::{Deserialize, Serialize};
 
 use etude_robot::xarm::Fence;
@@ -25,34 +26,24 @@ const MAX_TOOL_SPEED: f64 = 1.2;
 /// Motors, all of them.
 pub(super) const ALL: u8 = 0x7F;
 
-/// What the emulated arm is like.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ArmEmulatorConfig {
-    /// Version of its firmware, as `v2.4.0`.
-    pub firmware: String,
-    /// Where the joints are at the beginning, rad.
-    pub joints_rad: [f64; ARM_JOINTS],
-    /// Time from a servo target's arrival until it takes effect, s.
-    pub delay_secs: f64,
-    /// How fast the joints close in on a servo target, Hz.
-    pub bandwidth_hz: f64,
-    /// With it the joints follow servo targets as a mass on a spring, whose own frequency is the
-    /// bandwidth, with this damping ratio: below 1 they overshoot. Without it the speed is
-    /// proportional to the distance.
-    pub damping_ratio: Option<f64>,
-}
-
-impl Default for ArmEmulatorConfig {
-    /// At the paper's home. Delay and bandwidth are guesses: no figure is published.
-    fn default() -> Self {
-        Self {
-            firmware: "v2.4.0".into(),
-            joints_rad: PAPER_HOME_DEG.map(f64::to_radians),
-            delay_secs: 0.02,
-            bandwidth_hz: 8.0,
-            damping_ratio: None,
-        }
+settings! {
+    /// What the emulated arm is like, by default at the paper's home. Delay and bandwidth are guesses:
+    /// no figure is published.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ArmEmulatorConfig {
+        /// Version of its firmware, as `v2.4.0`.
+        pub firmware: String = "v2.4.0".into();
+        /// Where the joints are at the beginning, rad.
+        pub joints_rad: [f64; ARM_JOINTS] = PAPER_HOME_DEG.map(f64::to_radians);
+        /// Time from a servo target's arrival until it takes effect, s.
+        pub delay_secs: f64 = 0.02;
+        /// How fast the joints close in on a servo target, Hz.
+        pub bandwidth_hz: f64 = 8.0;
+        /// With it the joints follow servo targets as a mass on a spring, whose own frequency is the
+        /// bandwidth, with this damping ratio: below 1 they overshoot. Without it the speed is
+        /// proportional to the distance.
+        pub damping_ratio: Option<f64> = None;
     }
 }
 

@@ -1,5 +1,6 @@
 //! Inputs and outputs of the emulated control box and flange, and the servos' own registers.
 
+use etude_checks::settings;
 use etude_robot::xarm::kinematics::ARM_JOINTS;
 
 /// Temperature of each servo, °C, current, A, and voltage, V: plausible constants for an arm that
@@ -11,22 +12,18 @@ pub(super) const VOLTS: f32 = 48.0;
 /// up.
 const VERSION_AT: u16 = 0x0801;
 const VERSION: [i32; 3] = [2, 8, 2];
-/// What the control box and the flange are given.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Lines {
-    /// Outputs of the control box, of the flange, and functions of the box's 16 inputs and 16
-    /// outputs.
-    pub digital: u16,
-    pub analog: [u16; 2],
-    pub flange: u16,
-    pub functions: [[u8; 16]; 2],
-    /// Index of the baud rate of the flange's line and of the box's.
-    pub bauds: [u8; 2],
-}
-
-impl Default for Lines {
-    fn default() -> Self {
-        Self { digital: 0, analog: [0; 2], flange: 0, functions: [[0; 16]; 2], bauds: [11; 2] }
+settings! {
+    /// What the control box and the flange are given.
+    #[derive(Clone, Copy, Debug)]
+    pub(super) struct Lines {
+        /// Outputs of the control box, of the flange, and functions of the box's 16 inputs and 16
+        /// outputs.
+        pub digital: u16 = 0;
+        pub analog: [u16; 2] = [0; 2];
+        pub flange: u16 = 0;
+        pub functions: [[u8; 16]; 2] = [[0; 16]; 2];
+        /// Index of the baud rate of the flange's line and of the box's.
+        pub bauds: [u8; 2] = [11; 2];
     }
 }
 

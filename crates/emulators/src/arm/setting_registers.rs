@@ -62,11 +62,12 @@ impl ArmEmulator {
             60 => extra.rebound = flag(0)?,
             61..=65 => return self.trajectory(register, params),
             66 => extra.approximate = flag(0)?,
-            67 => push_floats(&mut reply, &extra.dh_mm_rad),
-            68 => match byte(112)? {
-                0..=2 => extra.dh_mm_rad = numbers(params)?,
-                _ => extra.dh_mm_rad.copy_from_slice(DH_MM_RAD.as_flattened()),
-            },
+            67 => push_floats(&mut reply, extra.dh_mm_rad.as_flattened()),
+            68 if byte(112)? > 2 => extra.dh_mm_rad = DH_MM_RAD,
+            68 => {
+                let values: [f32; 4 * ARM_JOINTS] = numbers(params)?;
+                extra.dh_mm_rad = values.as_chunks().0.try_into().ok()?;
+            }
             69 => reply.push(self.motion.moving().into()),
             70 => extra.currents_for_torques = byte(0)?,
             73 => {

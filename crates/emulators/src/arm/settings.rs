@@ -1,8 +1,9 @@
 //! What clients can set on the emulated controller.
 
 use std::collections::BTreeMap;
-use std::f32::consts::FRAC_PI_2;
+use std::f32::consts::{FRAC_PI_2, PI};
 
+use etude_checks::settings;
 use etude_robot::xarm::kinematics::{ARM_JOINTS, WIDEST_LIMITS_RAD};
 
 use super::motion::MAX_SPEED;
@@ -18,107 +19,64 @@ pub(super) const DH_MM_RAD: [[f32; 4]; ARM_JOINTS] = [
     [0.0, 0.0, -FRAC_PI_2, 76.0],
     [0.0, 97.0, 0.0, 0.0],
 ];
-/// What clients set, and what the slow reports tell of it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Settings {
-    /// Bit i: joint i + 1 is enabled, and its brake released.
-    pub enabled: u8,
-    /// Controller error and warning, 0 for none.
-    pub error: u8,
-    pub warning: u8,
-    /// Offset of the tool from the flange, as on the wire: mm and rad.
-    pub tcp_offset_mm_rad: [f32; 6],
-    /// Payload, kg, and its centre, mm.
-    pub payload_kg_mm: [f32; 4],
-    /// How easily a collision is seen, 0 (off) to 5.
-    pub collision_sensitivity: u8,
-    /// Limits of the tool's moves (mm, s) and of the joints' (rad, s): jerk, smallest and largest
-    /// acceleration, smallest and largest speed.
-    pub tcp_limits_mm: [f32; 5],
-    pub joint_limits_rad: [f32; 5],
-}
-
-impl Default for Settings {
-    /// Motors off; limits as in the xArm user manual.
-    fn default() -> Self {
-        let [jerk, acceleration] = [11_459_f32, 1145.0].map(f32::to_radians);
-        Self {
-            enabled: 0,
-            error: 0,
-            warning: 0,
-            tcp_offset_mm_rad: [0.0; 6],
-            payload_kg_mm: [0.0; 4],
-            collision_sensitivity: 3,
-            tcp_limits_mm: [7000.0, 0.0, 50_000.0, 0.0, 1000.0],
-            joint_limits_rad: [jerk, 0.0, acceleration, 0.0, std::f32::consts::PI],
-        }
+settings! {
+    /// What clients set, and what the slow reports tell of it. By default the motors are off, with the
+    /// limits of the xArm user manual.
+    #[derive(Clone, Copy, Debug)]
+    pub(super) struct Settings {
+        /// Bit i: joint i + 1 is enabled, and its brake released.
+        pub enabled: u8 = 0;
+        /// Controller error and warning, 0 for none.
+        pub error: u8 = 0;
+        pub warning: u8 = 0;
+        /// Offset of the tool from the flange, as on the wire: mm and rad.
+        pub tcp_offset_mm_rad: [f32; 6] = [0.0; 6];
+        /// Payload, kg, and its centre, mm.
+        pub payload_kg_mm: [f32; 4] = [0.0; 4];
+        /// How easily a collision is seen, 0 (off) to 5.
+        pub collision_sensitivity: u8 = 3;
+        /// Limits of the tool's moves (mm, s) and of the joints' (rad, s): jerk, smallest and largest
+        /// acceleration, smallest and largest speed.
+        pub tcp_limits_mm: [f32; 5] = [7000.0, 0.0, 50_000.0, 0.0, 1000.0];
+        pub joint_limits_rad: [f32; 5] = [11_459_f32.to_radians(), 0.0, 1145_f32.to_radians(), 0.0, PI];
     }
 }
 
-/// What clients set with registers that our driver does not use.
-#[derive(Clone, Debug)]
-pub(super) struct Extra {
-    /// How easily the arm follows the hand, 1 to 5.
-    pub teach_sensitivity: u8,
-    /// Direction of gravity in the frame of the base.
-    pub gravity: [f32; 3],
-    /// Offset of the base, as on the wire: mm and rad.
-    pub world_offset_mm_rad: [f32; 6],
-    /// Reduced mode: whether it is on, its limits of speed, and its ranges of the joints.
-    pub reduced: bool,
-    pub reduced_tcp_mm_s: f32,
-    pub reduced_joint_rad_s: f32,
-    pub reduced_ranges_rad: [[f32; 2]; ARM_JOINTS],
-    pub rebound: bool,
-    pub safe_level: u8,
-    pub approximate: bool,
-    /// 1: the reports have currents in place of torques.
-    pub currents_for_torques: u8,
-    pub continuous: bool,
-    pub self_collision: bool,
-    /// Shape of the tool for the check of self-collision.
-    pub tool_model: u8,
-    pub tool_size_mm: [f32; 6],
-    pub simulated: bool,
-    pub counter: u32,
-    /// Whether a stop resets the outputs of the control box and of the flange.
-    pub reset_io: [u8; 2],
-    pub dh_mm_rad: [f32; 4 * ARM_JOINTS],
-    /// Registers 232 and 233: value of each type as it is set.
-    pub common: BTreeMap<u8, Vec<u8>>,
-    pub trajectories: Vec<Vec<u8>>,
-    pub trajectory_status: u8,
-}
-
-impl Default for Extra {
-    /// As delivered. The safe level is a guess.
-    fn default() -> Self {
-        let mut dh_mm_rad = [0.0; 4 * ARM_JOINTS];
-        dh_mm_rad.copy_from_slice(DH_MM_RAD.as_flattened());
-        Self {
-            teach_sensitivity: 3,
-            gravity: [0.0, 0.0, -1.0],
-            world_offset_mm_rad: [0.0; 6],
-            reduced: false,
-            reduced_tcp_mm_s: 1000.0,
-            reduced_joint_rad_s: MAX_SPEED as f32,
-            reduced_ranges_rad: WIDEST_LIMITS_RAD.map(|(low, high)| [low as f32, high as f32]),
-            rebound: false,
-            safe_level: 4,
-            approximate: true,
-            currents_for_torques: 0,
-            continuous: false,
-            self_collision: false,
-            tool_model: 0,
-            tool_size_mm: [0.0; 6],
-            simulated: false,
-            counter: 0,
-            reset_io: [0; 2],
-            dh_mm_rad,
-            common: BTreeMap::new(),
-            trajectories: Vec::new(),
-            trajectory_status: 0,
-        }
+settings! {
+    /// What clients set with registers that our driver does not use; by default as delivered. The safe
+    /// level is a guess.
+    #[derive(Clone, Debug)]
+    pub(super) struct Extra {
+        /// How easily the arm follows the hand, 1 to 5.
+        pub teach_sensitivity: u8 = 3;
+        /// Direction of gravity in the frame of the base.
+        pub gravity: [f32; 3] = [0.0, 0.0, -1.0];
+        /// Offset of the base, as on the wire: mm and rad.
+        pub world_offset_mm_rad: [f32; 6] = [0.0; 6];
+        /// Reduced mode: whether it is on, its limits of speed, and its ranges of the joints.
+        pub reduced: bool = false;
+        pub reduced_tcp_mm_s: f32 = 1000.0;
+        pub reduced_joint_rad_s: f32 = MAX_SPEED as f32;
+        pub reduced_ranges_rad: [[f32; 2]; ARM_JOINTS] = WIDEST_LIMITS_RAD.map(|(low, high)| [low as f32, high as f32]);
+        pub rebound: bool = false;
+        pub safe_level: u8 = 4;
+        pub approximate: bool = true;
+        /// 1: the reports have currents in place of torques.
+        pub currents_for_torques: u8 = 0;
+        pub continuous: bool = false;
+        pub self_collision: bool = false;
+        /// Shape of the tool for the check of self-collision.
+        pub tool_model: u8 = 0;
+        pub tool_size_mm: [f32; 6] = [0.0; 6];
+        pub simulated: bool = false;
+        pub counter: u32 = 0;
+        /// Whether a stop resets the outputs of the control box and of the flange.
+        pub reset_io: [u8; 2] = [0; 2];
+        pub dh_mm_rad: [[f32; 4]; ARM_JOINTS] = DH_MM_RAD;
+        /// Registers 232 and 233: value of each type as it is set.
+        pub common: BTreeMap<u8, Vec<u8>> = BTreeMap::new();
+        pub trajectories: Vec<Vec<u8>> = Vec::new();
+        pub trajectory_status: u8 = 0;
     }
 }
 

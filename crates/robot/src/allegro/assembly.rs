@@ -17,7 +17,7 @@ pub(super) struct Taken {
 }
 
 /// Collects the frames of a period.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Assembly {
     half_period: Duration,
     opened: Duration,
@@ -30,9 +30,7 @@ pub(super) struct Assembly {
 
 impl Assembly {
     pub fn new(period: Duration) -> Self {
-        let zero = Duration::ZERO;
-        let none = [None; 4];
-        Self { half_period: period / 2, opened: zero, newest: zero, window: none, closed: none, ticked: None }
+        Self { half_period: period / 2, ..Self::default() }
     }
 
     /// Takes the frame of one finger (0 to 3; others are ignored).

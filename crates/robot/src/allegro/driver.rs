@@ -15,7 +15,6 @@ use std::time::Duration;
 
 use etude_checks::RangeError;
 
-use super::commands::Commands;
 use super::config::HandConfig;
 use super::fault::HandFault;
 use super::limits::{PWM_LIMITS, WIRE_JOINTS, clamp_pwm};
@@ -42,7 +41,6 @@ const REPEATS: usize = 3;
 #[derive(Clone, Debug)]
 pub struct Hand {
     config: HandConfig,
-    commands: Commands,
     state: HandState,
     step: Step,
     started: Duration,
@@ -67,7 +65,6 @@ impl Hand {
         Ok(Self {
             known: Known::nothing(config),
             config: config.clone(),
-            commands: Commands { device: config.device_id, period_ms: config.period_ms },
             state: HandState::Off,
             step: Step::Silence,
             started: Duration::ZERO,
@@ -134,7 +131,7 @@ impl Hand {
                 self.ask(now, out);
                 if self.driven.is_some_and(|at| now.saturating_sub(at) > TORQUE_TIMEOUT) {
                     self.driven = None;
-                    self.commands.zero(out);
+                    self.say_torque(&[0; WIRE_JOINTS], out);
                 }
             }
             HandState::Fault(_) if !std::mem::replace(&mut self.released, true) => {
@@ -167,7 +164,7 @@ impl Hand {
             *pwm = clamp_pwm(wanted, configured.min(limit));
         }
         self.driven = sent.iter().any(|&pwm| pwm != 0).then_some(now);
-        self.commands.torque(&sent, out);
+        self.say_torque(&sent, out);
         sent
     }
 
@@ -176,7 +173,7 @@ impl Hand {
     /// torque and servo off.
     pub fn stop(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         self.release(now, out);
-        self.commands.silence(out);
+        self.say(HostMessage::Positions(0), out);
     }
 
     /// The same, but the streams continue, so that the reaction is recorded.
@@ -191,8 +188,8 @@ impl Hand {
 
     /// Sends zero torque and servo off, and asks for the state.
     fn send_release(&mut self, now: Duration, times: usize, out: &mut Vec<CanFrame>) {
-        self.commands.release(times, out);
-        self.commands.message(HostMessage::Request(Request::Information), out);
+        self.say_release(times, out);
+        self.say(HostMessage::Request(Request::Information), out);
         self.next_heartbeat = now.saturating_add(HEARTBEAT);
     }
 
@@ -240,8 +237,8 @@ impl Hand {
     fn continue_start(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         match self.step {
             Step::Silence => {
-                self.commands.release(1, out);
-                self.commands.silence(out);
+                self.say_release(1, out);
+                self.say(HostMessage::Positions(0), out);
                 self.step = Step::Drain { until: now.saturating_add(DRAIN) };
             }
             Step::Drain { until } if now < until => {}
@@ -252,8 +249,8 @@ impl Hand {
             }
             Step::Ask => self.ask(now, out),
             Step::SwitchOn => {
-                self.commands.periods(out);
-                self.commands.on(out);
+                self.say(HostMessage::Positions(self.config.period_ms), out);
+                self.say_on(out);
                 self.step = Step::Wait { since: now };
                 self.next_heartbeat = now;
                 self.ask(now, out);
@@ -266,10 +263,10 @@ impl Hand {
                 } else if now >= self.next_heartbeat {
                     // Frames may be lost; repeating the command does no harm.
                     if !moving {
-                        self.commands.periods(out);
+                        self.say(HostMessage::Positions(self.config.period_ms), out);
                     }
                     if !self.known.servo_was_on {
-                        self.commands.on(out);
+                        self.say_on(out);
                     }
                 }
                 self.ask(now, out);
@@ -283,13 +280,13 @@ impl Hand {
             return;
         }
         self.next_heartbeat = now.saturating_add(HEARTBEAT);
-        self.commands.message(HostMessage::Request(Request::Information), out);
+        self.say(HostMessage::Request(Request::Information), out);
         if self.known.serial.is_none() {
-            self.commands.message(HostMessage::Request(Request::Serial), out);
+            self.say(HostMessage::Request(Request::Serial), out);
         }
         self.heartbeats = (self.heartbeats + 1) % Finger::ALL.len();
         if let Some(&finger) = Finger::ALL.get(self.heartbeats) {
-            self.commands.message(HostMessage::Request(Request::Temperature(finger)), out);
+            self.say(HostMessage::Request(Request::Temperature(finger)), out);
             if let Some(asked) = self.known.asked.get_mut(finger.number()) {
                 *asked = Some(now);
             }
@@ -335,6 +332,29 @@ impl Hand {
         let (finger, age) = ages.enumerate().max_by_key(|(_, age)| age.unwrap_or(Duration::MAX))?;
         let fresh = age.is_some_and(|age| age.as_secs_f64() <= self.config.stale_after_secs);
         (!fresh).then_some((finger, age))
+    }
+
+    /// Zero torque `times` times, then servo off.
+    fn say_release(&self, times: usize, out: &mut Vec<CanFrame>) {
+        (0..times).for_each(|_| self.say_torque(&[0; WIRE_JOINTS], out));
+        self.say(HostMessage::ServoOff, out);
+    }
+
+    /// Servo on, after a zero torque: the hand may still hold an older one.
+    fn say_on(&self, out: &mut Vec<CanFrame>) {
+        self.say_torque(&[0; WIRE_JOINTS], out);
+        self.say(HostMessage::ServoOn, out);
+    }
+
+    fn say_torque(&self, pwm: &[i16; WIRE_JOINTS], out: &mut Vec<CanFrame>) {
+        let (fingers, _) = pwm.as_chunks::<4>();
+        for (&finger, &pwm) in Finger::ALL.iter().zip(fingers) {
+            self.say(HostMessage::Torque { finger, pwm }, out);
+        }
+    }
+
+    fn say(&self, message: HostMessage, out: &mut Vec<CanFrame>) {
+        out.push(message.encode(self.config.device_id));
     }
 
     /// Latches the first fault; frames that are still on their way may show others. A hand that was

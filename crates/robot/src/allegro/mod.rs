@@ -11,7 +11,6 @@
 
 mod assembly;
 mod codec;
-mod commands;
 mod config;
 mod driver;
 mod encoder;

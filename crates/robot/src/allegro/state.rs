@@ -46,7 +46,7 @@ pub(super) enum Step {
 }
 
 /// What is known since the last start.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Known {
     pub assembly: Assembly,
     pub encoders: [Encoder; WIRE_JOINTS],
@@ -67,18 +67,7 @@ pub(super) struct Known {
 
 impl Known {
     pub fn nothing(config: &HandConfig) -> Self {
-        Self {
-            assembly: Assembly::new(Duration::from_millis(u64::from(config.period_ms))),
-            encoders: [Encoder::default(); WIRE_JOINTS],
-            finger_at: [None; 4],
-            positions_at: None,
-            information: None,
-            serial: None,
-            asked: [None; 4],
-            late_replies: 0,
-            other_since: None,
-            servo_was_on: false,
-            host_timeout_cleared: false,
-        }
+        let period = Duration::from_millis(u64::from(config.period_ms));
+        Self { assembly: Assembly::new(period), ..Self::default() }
     }
 }
