@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use etude_lab::{
-    Chosen, Pianist, Planner, RunConfig, SIGHT_READER, cannot_be_played, load_pianist, pianist_for,
+    Chosen, Pianist, RunConfig, SIGHT_READER, SongPlanner, cannot_be_played, load_pianist, pianist_for,
     player_slug, policies, policy_called,
 };
 use etude_music::Song;
@@ -99,7 +99,7 @@ impl PianistArgs {
     }
 
     /// The player of `song`, which the user named `asked`; warns if it learned another song.
-    pub fn load(&self, asked: &str, song: &Song, planner: &mut Planner<'_>) -> anyhow::Result<Pianist> {
+    pub fn load(&self, asked: &str, song: &Song, planner: &mut SongPlanner<'_>) -> anyhow::Result<Pianist> {
         let mut passed_over = None;
         let mut pianist = if self.scripted {
             Pianist::scripted()

@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use etude_lab::Planner;
+use etude_lab::SongPlanner;
 use indicatif::ProgressBar;
 
 use crate::output::note;
@@ -98,9 +98,9 @@ impl LongWork {
 }
 
 /// A planner that shows its progress if a plan is slow. Writes nothing if `quiet`.
-pub fn planner(quiet: bool) -> Planner<'static> {
+pub fn planner(quiet: bool) -> SongPlanner<'static> {
     let mut work: Option<LongWork> = None;
-    Planner::new(move |share| {
+    SongPlanner::new(move |share| {
         work.get_or_insert_with(|| LongWork::new(quiet)).planned(share);
         // The line is removed before other lines are written.
         work.take_if(|_| share >= 1.0);

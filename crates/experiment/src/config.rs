@@ -341,7 +341,7 @@ fn repeated<'a>(mut names: impl Iterator<Item = &'a String>) -> Option<&'a Strin
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::ExperimentConfig;
+    use crate::trial_plan::ExperimentConfig;
 
     #[test]
     fn every_experiment_that_comes_with_us_can_be_read() {

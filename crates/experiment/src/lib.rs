@@ -7,8 +7,6 @@ mod figures;
 mod local;
 mod notes;
 mod outcome;
-mod plan;
-mod plan_file;
 mod playing;
 mod report;
 mod results;
@@ -17,15 +15,17 @@ mod slurm;
 mod stats;
 mod tables;
 mod trial;
+mod trial_plan;
+mod trial_plan_file;
 
 pub use config::{
     Experiment, FigureConfig, FigureKind, FitConfig, PerformConfig, Published, RehearseConfig, Variant, names,
 };
 pub use local::{BUSY, LOG, LaunchProgress, LaunchReport, LocalConfig, launch_local};
 pub use outcome::{ResultRow, TrialEnd, TrialProgress, TrialResult, TrialState, TrialTimes, Values};
-pub use plan::ExperimentConfig;
-pub use plan_file::{plan_file, plan_text, read_plan, write_plan};
 pub use report::{ReportPage, write_report};
 pub use run::run_trial;
 pub use slurm::{SlurmConfig, open_trials, slurm_script, submit};
 pub use trial::{TrainingConfig, Trial, TrialWork};
+pub use trial_plan::ExperimentConfig;
+pub use trial_plan_file::{plan_file, plan_text, read_plan, write_plan};

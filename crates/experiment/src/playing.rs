@@ -9,8 +9,8 @@ use etude_learn::seed::fnv;
 use etude_music::{Song, Split, chords, key_is_black, melody};
 
 use crate::config::{Experiment, LearnerConfig, PlayConfig};
-use crate::plan::{ExperimentConfig, all_or_first, notes_of};
 use crate::trial::{TrainingConfig, Trial, TrialWork, fingerprint, id, json};
+use crate::trial_plan::{ExperimentConfig, all_or_first, notes_of};
 
 /// Name of the scripted baseline.
 const SCRIPTED: &str = "scripted";
@@ -196,8 +196,8 @@ fn checksum_of(file: &Path) -> anyhow::Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::ExperimentConfig;
-    use crate::plan::tests::plan;
+    use crate::trial_plan::ExperimentConfig;
+    use crate::trial_plan::tests::plan;
     use etude_lab::shipped_policy;
     use etude_music::Note;
 

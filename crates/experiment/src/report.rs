@@ -22,10 +22,10 @@ use maud::{Markup, PreEscaped, html};
 use crate::config::{Experiment, FigureConfig, FigureKind};
 use crate::figures::{caption, drawing};
 use crate::notes::rendered;
-use crate::plan::ExperimentConfig;
 use crate::results::{DoneTrial, curves, records, to_csv};
 use crate::tables::{against_the_paper, differences, interrupted, provenance, scores, times};
 use crate::trial::Trial;
+use crate::trial_plan::ExperimentConfig;
 
 /// Name of the page.
 const PAGE: &str = "index.html";

@@ -10,9 +10,9 @@ use maud::{Markup, html};
 use crate::config::{Experiment, FigureKind};
 use crate::figures::measure_name;
 use crate::outcome::ResultRow;
-use crate::plan::ExperimentConfig;
 use crate::results::{DoneTrial, combinations, compared, paired, summary, time_to};
 use crate::stats::{Interval, Summary};
+use crate::trial_plan::ExperimentConfig;
 
 /// F1 whose times are reported.
 const F1_LEVELS: [f64; 3] = [0.80, 0.90, 0.946];

@@ -17,8 +17,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::pianist::Pianist;
-use crate::planner::Planner;
 use crate::results::in_new_result;
+use crate::song_planner::SongPlanner;
 
 /// The table of the worlds in its folder.
 const WORLDS: &str = "worlds.csv";
@@ -135,7 +135,7 @@ pub fn evaluate_grid(
     song: &Song,
     pianist: &Pianist,
     grid: &GridConfig,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
     watch: &(dyn Fn(usize) -> bool + Sync),
 ) -> anyhow::Result<Option<GridReport>> {
     let mut task = pianist.config.task.clone();
@@ -303,7 +303,7 @@ mod tests {
 
     fn on_threads(threads: usize, pianist: &Pianist, grid: &GridConfig) -> GridReport {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| evaluate_grid(&song(), pianist, grid, &mut Planner::default(), &|_| true))
+        pool.install(|| evaluate_grid(&song(), pianist, grid, &mut SongPlanner::default(), &|_| true))
             .unwrap()
             .unwrap()
     }
@@ -366,12 +366,14 @@ mod tests {
             done < 2
         };
         assert_eq!(
-            evaluate_grid(&song(), &pianist(&[]), &grid, &mut Planner::default(), &watch).unwrap(),
+            evaluate_grid(&song(), &pianist(&[]), &grid, &mut SongPlanner::default(), &watch).unwrap(),
             None
         );
         assert!(played.load(Ordering::Relaxed) < 10);
         let fails = |pianist: &Pianist, grid: &GridConfig| {
-            evaluate_grid(&song(), pianist, grid, &mut Planner::default(), &|_| true).unwrap_err().to_string()
+            evaluate_grid(&song(), pianist, grid, &mut SongPlanner::default(), &|_| true)
+                .unwrap_err()
+                .to_string()
         };
         assert!(
             fails(&pianist(&[]), &GridConfig { intensity: 1.5, ..grid }).contains("randomisation.intensity")

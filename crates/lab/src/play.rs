@@ -18,8 +18,8 @@ use serde::Serialize;
 use crate::errors::{Interrupted, unusable};
 use crate::json_files::save_pretty;
 use crate::pianist::Pianist;
-use crate::planner::Planner;
 use crate::results::in_new_result;
+use crate::song_planner::SongPlanner;
 
 /// The figures of a performance and its files. Its keys are those of `etude play --json`.
 #[derive(Clone, Debug, Serialize)]
@@ -73,7 +73,7 @@ pub fn play(
     pianist: &Pianist,
     results: &Path,
     font: Option<&SoundFont>,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, f64>,
 ) -> anyhow::Result<PlayReport> {
     in_new_result(results, |_| true, |folder| play_into(folder, song, pianist, font, planner, job))
@@ -84,7 +84,7 @@ fn play_into(
     song: &Song,
     pianist: &Pianist,
     font: Option<&SoundFont>,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, f64>,
 ) -> anyhow::Result<PlayReport> {
     let task = &pianist.config.task;
@@ -151,7 +151,7 @@ pub(crate) const REFERENCE: &str = "reference.wav";
 pub fn scores_in_simulation(
     pianist: &Pianist,
     piece: &Piece,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
 ) -> anyhow::Result<Scores> {
     let task = &pianist.config.task;
     let mut rig = SimRig::nominal(task, piece)?;

@@ -17,9 +17,9 @@ use crate::config::{RunConfig, change_resumable, resolve as resolve_config};
 use crate::errors::unusable;
 use crate::folder::{CONFIG, META, SONG, make_folder, other_notes, policy_in};
 use crate::pianist::open;
-use crate::planner::Planner;
+use crate::song_planner::SongPlanner;
 use crate::training_progress::{JobObserver, TrainingProgress};
-use crate::warm::warm_start;
+use crate::warm_start::warm_start;
 
 /// Name of the file that a process locks while it works in a run's folder. The system releases the
 /// lock when the process ends.
@@ -56,7 +56,7 @@ impl Run {
         folder: &Path,
         command: &str,
         source: Option<&Path>,
-        planner: &mut Planner<'_>,
+        planner: &mut SongPlanner<'_>,
     ) -> anyhow::Result<Self> {
         if song.is_some() {
             config.corpus = None;
@@ -119,7 +119,11 @@ impl Run {
     /// # Errors
     /// If the folder holds no run or a damaged one, or an override would make another training of
     /// it.
-    pub fn resume(folder: &Path, overrides: &[String], planner: &mut Planner<'_>) -> anyhow::Result<Self> {
+    pub fn resume(
+        folder: &Path,
+        overrides: &[String],
+        planner: &mut SongPlanner<'_>,
+    ) -> anyhow::Result<Self> {
         let without = |name: &str| match Trainer::exists(folder) {
             true => anyhow!(
                 "the training in {} cannot be continued without its {name}: put it back, or choose another folder",
@@ -189,7 +193,7 @@ impl Run {
         folder: &Path,
         command: &str,
         source: Option<&Path>,
-        planner: &mut Planner<'_>,
+        planner: &mut SongPlanner<'_>,
     ) -> anyhow::Result<Self> {
         let threads = format!("trainer.threads={}", config.trainer.threads);
         if Trainer::exists(folder) {
@@ -332,7 +336,7 @@ fn lock_run(folder: &Path) -> anyhow::Result<File> {
 fn inputs(
     song: Option<&Song>,
     config: &RunConfig,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
 ) -> anyhow::Result<TrainingInputs> {
     let (task, envs) = (&config.task, config.trainer.num_envs);
     let root = seed::split(config.trainer.seed, "task");

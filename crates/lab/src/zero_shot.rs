@@ -7,7 +7,7 @@ use etude_task::{Piece, TaskConfig};
 use serde::Serialize;
 
 use crate::config::resolve;
-use crate::planner::Planner;
+use crate::song_planner::SongPlanner;
 
 /// Name of the policy for pieces without one of their own: `policies/sight-reader.safetensors`, and
 /// runs in `runs/sight-reader__…`.
@@ -32,7 +32,7 @@ pub fn predict_zero_shot(
     song: &Song,
     task: &TaskConfig,
     piece: &Piece,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
 ) -> Option<ZeroShot> {
     let change_steps = resolve(SIGHT_READER, None, &[]).ok()?.task.change_steps;
     let piece = if task.change_steps == change_steps {
@@ -76,7 +76,7 @@ pub fn easier(
     song: &Song,
     task: &TaskConfig,
     piece: &Piece,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
 ) -> Option<Arrangement> {
     let skipped = |piece: &Piece| Some(piece.fingering()?.unplayed().omitted().count());
     let now =
@@ -108,7 +108,7 @@ pub fn easier(
 pub fn cannot_be_played(
     song: &Song,
     task: &TaskConfig,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
 ) -> anyhow::Result<Vec<String>> {
     if song.check_range().is_err() {
         return Ok(Vec::new());

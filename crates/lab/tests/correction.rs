@@ -5,7 +5,7 @@
 use std::sync::atomic::AtomicBool;
 
 use etude_lab::{
-    Planner, RobotPlay, RobotStep, find_song, load_pianist, play_on_robot, run_file, shipped_policy,
+    RobotPlay, RobotStep, SongPlanner, find_song, load_pianist, play_on_robot, run_file, shipped_policy,
 };
 use etude_music::CONTROL_HZ;
 use etude_perform::session::rig_choice;
@@ -56,7 +56,7 @@ proptest! {
         };
         let (never, mut silent) = (AtomicBool::new(false), |_: &RobotStep| {});
         let mut job = Job::new(&mut silent, &never);
-        let report = play_on_robot(&play, Some(folder.path()), &mut Planner::default(), &mut job).unwrap();
+        let report = play_on_robot(&play, Some(folder.path()), &mut SongPlanner::default(), &mut job).unwrap();
         // The twin may stop itself, which is a bound too.
         let whole = report.runs[0].ending == Ending::Complete;
         prop_assert!(!whole || report.runs[0].clamped > 0, "nothing tested the limiter");

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use etude_lab::{Planner, find_song, pianist_for, play};
+use etude_lab::{SongPlanner, find_song, pianist_for, play};
 use etude_music::repertoire;
 use etude_perform::Job;
 use etude_show::gallery::gallery;
@@ -50,7 +50,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut seen = BTreeSet::new();
     paths.retain(|path| !path.starts_with(&own) && seen.insert(path.clone()));
     if args.runs.is_empty() {
-        let mut planner = Planner::default();
+        let mut planner = SongPlanner::default();
         let ids: Vec<_> = repertoire::ids().collect();
         for (number, id) in ids.iter().enumerate() {
             show(&mut status, "playing", id, [number, ids.len()]);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::ValueHint;
-use etude_lab::{Planner, Run, SIGHT_READER, beginning_with, cannot_be_played, find_song, policy_called};
+use etude_lab::{Run, SIGHT_READER, SongPlanner, beginning_with, cannot_be_played, find_song, policy_called};
 use etude_learn::{Outcome, StopReason};
 use etude_music::Song;
 use etude_perform::{NoteCounts, shell_line, shell_word};
@@ -98,7 +98,7 @@ fn ignore_broken_pipe(printed: anyhow::Result<()>) -> anyhow::Result<()> {
     printed.or_else(|error| if is_broken_pipe(&error) { Ok(()) } else { Err(error) })
 }
 
-fn announce(run: &Run, args: &Args, folder: &Path, planner: &mut Planner<'_>) -> anyhow::Result<()> {
+fn announce(run: &Run, args: &Args, folder: &Path, planner: &mut SongPlanner<'_>) -> anyhow::Result<()> {
     if let Some(song) = run.song() {
         let task = &run.config().task;
         let quick = task.key_schedule.quick_repeats(song);

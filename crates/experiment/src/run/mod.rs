@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use etude_lab::machine::processor;
 use etude_lab::{
-    Pianist, Planner, RobotPlay, Run, TrainingProgress, load_pianist, play_on_robot, scores_in_simulation,
+    Pianist, RobotPlay, Run, SongPlanner, TrainingProgress, load_pianist, play_on_robot, scores_in_simulation,
 };
 use etude_learn::Score;
 use etude_music::Song;
@@ -165,7 +165,7 @@ impl RunningTrial<'_, '_> {
             &folder,
             self.command,
             source.as_deref(),
-            &mut Planner::default(),
+            &mut SongPlanner::default(),
         )?;
         let share = if perform.is_some() { TRAINING_SHARE } else { 1.0 };
         let on_progress = |at: &TrainingProgress| TrialProgress {
@@ -209,7 +209,7 @@ impl RunningTrial<'_, '_> {
         seed: u64,
         share: f64,
     ) -> anyhow::Result<Vec<ResultRow>> {
-        let mut planner = Planner::default();
+        let mut planner = SongPlanner::default();
         let piece = planner.plan(song, &pianist.config.task)?;
         let Scores { frame: sim, note: sim_note } = scores_in_simulation(pianist, &piece, &mut planner)?;
         let of_sim = [

@@ -15,7 +15,7 @@
 //! A complete part is not made again, so the same command resumes an adaptation that was stopped at
 //! any point.
 
-mod played;
+mod corrections;
 
 use std::path::{Path, PathBuf};
 
@@ -31,14 +31,14 @@ use crate::correction::{CorrectionFile, OnlyFor};
 use crate::folder::make_folder;
 use crate::json_files::{load, save};
 use crate::pianist::{Pianist, load_pianist};
-use crate::planner::Planner;
 use crate::play::REFERENCE;
 use crate::rehearse::Iteration;
 use crate::results::latest_result;
 use crate::robot::{
     MeanNotes, RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot, robot_score, run_file,
 };
-use played::{MEASURING, Notes, Played};
+use crate::song_planner::SongPlanner;
+use corrections::{MEASURING, Notes, RunCorrections};
 
 /// Name of the file with the result of an adaptation.
 const RESULT: &str = "result.json";
@@ -98,7 +98,7 @@ pub struct AdaptRun {
 struct StoredRun {
     #[serde(flatten)]
     run: AdaptRun,
-    next: Played,
+    next: RunCorrections,
 }
 
 /// The result of an adaptation.
@@ -167,7 +167,7 @@ pub fn adapt_on_robot(
     if let Some(done) = load::<Adapted>(&folder.join(RESULT))? {
         return Ok(done);
     }
-    let mut planner = Planner::default();
+    let mut planner = SongPlanner::default();
     let runs = adaptation.learn(&mut planner, job)?;
     adaptation.finish(&runs, &mut planner, job)
 }
@@ -228,12 +228,12 @@ impl Adaptation<'_> {
     /// All runs, each with what it played: those that are there already, and the others.
     fn learn(
         &self,
-        planner: &mut Planner<'_>,
+        planner: &mut SongPlanner<'_>,
         job: &mut Job<'_, AdaptStep>,
-    ) -> anyhow::Result<Vec<(Played, AdaptRun)>> {
+    ) -> anyhow::Result<Vec<(RunCorrections, AdaptRun)>> {
         let most = (60.0 * self.config.minutes / self.song.duration_secs()).floor() as usize;
         let most = most.max(MEASURING + 1);
-        let (mut runs, mut next) = (Vec::new(), Played::default());
+        let (mut runs, mut next) = (Vec::new(), RunCorrections::default());
         while runs.len() < most && best(&runs) + MAX_RUNS_WITHOUT_GAIN >= runs.len() {
             let index = runs.len();
             let folder = self.folder.join(format!("run-{:02}", index + 1));
@@ -256,9 +256,9 @@ impl Adaptation<'_> {
     fn learn_once(
         &self,
         index: usize,
-        played: &Played,
+        played: &RunCorrections,
         folder: &Path,
-        planner: &mut Planner<'_>,
+        planner: &mut SongPlanner<'_>,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<StoredRun> {
         let report = self.play(played, (1, 1000 + index as u64), folder, |_| None, planner, job)?;
@@ -293,8 +293,8 @@ impl Adaptation<'_> {
     /// Plays with the correction of the best run as often as was asked for, and writes the result.
     fn finish(
         &self,
-        runs: &[(Played, AdaptRun)],
-        planner: &mut Planner<'_>,
+        runs: &[(RunCorrections, AdaptRun)],
+        planner: &mut SongPlanner<'_>,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<Adapted> {
         let best = best(runs);
@@ -325,14 +325,12 @@ impl Adaptation<'_> {
     }
 
     /// The latency compensation of a run, s.
-    fn latency_compensation_secs(&self, played: &Played) -> f64 {
-        played
-            .latency_compensation_secs
-            .unwrap_or(self.pianist.config.task.key_schedule.latency_compensation_secs)
+    fn latency_compensation_secs(&self, played: &RunCorrections) -> f64 {
+        played.latency_compensation_secs.unwrap_or(self.pianist.config.task.key_schedule.latency_compensation_secs)
     }
 
     /// Writes the correction of a run for `etude perform`, and returns its file.
-    fn keep(&self, played: &Played) -> anyhow::Result<PathBuf> {
+    fn keep(&self, played: &RunCorrections) -> anyhow::Result<PathBuf> {
         let file = self.folder.join("correction.json");
         let content = CorrectionFile {
             song: self.song.title().to_string(),
@@ -349,11 +347,11 @@ impl Adaptation<'_> {
     /// Plays this a number of times, with this seed on top of the adaptation's.
     fn play(
         &self,
-        played: &Played,
+        played: &RunCorrections,
         (runs, seed): (usize, u64),
         folder: &Path,
         to_step: fn(&RobotStep) -> Option<AdaptStep>,
-        planner: &mut Planner<'_>,
+        planner: &mut SongPlanner<'_>,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<RobotReport> {
         let mut pianist = self.pianist.clone();
@@ -384,7 +382,7 @@ impl Adaptation<'_> {
 
 /// The best run, the earlier one of equals. The score of one run is noisy, so a run is rated by the
 /// mean of its score and those beside it.
-fn best(runs: &[(Played, AdaptRun)]) -> usize {
+fn best(runs: &[(RunCorrections, AdaptRun)]) -> usize {
     let scores: Vec<f64> = runs.iter().map(|(_, run)| robot_score(run.f1, &run.notes)).collect();
     let rated: Vec<f64> = (0..scores.len())
         .map(|index| mean(&scores[index.saturating_sub(1)..scores.len().min(index + 2)]))

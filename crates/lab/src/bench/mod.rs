@@ -15,7 +15,7 @@ use etude_task::bench::{all_cores, stepping};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use crate::choose::sight_reader;
+use crate::choose_player::sight_reader;
 use crate::machine::{machine, peak_memory_mib};
 use crate::pianist::{Kind, Pianist};
 use acting::control_step_secs;

@@ -7,8 +7,8 @@ use etude_learn::{Arithmetic, StopReason, TrainingObserver};
 use etude_music::Song;
 
 use crate::config::resolve;
-use crate::planner::Planner;
 use crate::run::Run;
+use crate::song_planner::SongPlanner;
 
 /// Steps with random actions before the first update. The `paper` preset makes 5,000, which would
 /// fill a short measurement. Fewer are enough, since a batch is drawn with replacement.
@@ -38,7 +38,8 @@ pub fn training_rate(
     let warmup_steps = WARMUP_STEPS + 2;
     let limit = Duration::from_secs_f64(secs);
     let mut timer = StepTimer { warmup_steps, limit, steps: 0, began: Instant::now(), took: Duration::ZERO };
-    Run::start(Some(song), config, folder, "etude bench", None, &mut Planner::default())?.run(&mut timer)?;
+    Run::start(Some(song), config, folder, "etude bench", None, &mut SongPlanner::default())?
+        .run(&mut timer)?;
     Ok((timer.steps - warmup_steps) as f64 / timer.took.as_secs_f64())
 }
 

@@ -30,11 +30,11 @@ use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyReport, identify_robot};
 use crate::json_files::{load, save_pretty};
 use crate::pianist::load_pianist;
-use crate::planner::Planner;
 use crate::robot::{RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot};
 use crate::run::Run;
+use crate::song_planner::SongPlanner;
 use crate::training_progress::TrainingProgress;
-use crate::warm::beginning_with;
+use crate::warm_start::beginning_with;
 
 pub use iteration::{Iteration, RehearsalConfig, best_iteration, set_latency_compensation};
 
@@ -251,7 +251,8 @@ impl Rehearsal<'_> {
         }
         let command = format!("etude rehearse, iteration {iteration}");
         let song = config.corpus.is_none().then(|| self.song.clone());
-        let mut run = Run::start_or_resume(song, config, &folder, &command, source, &mut Planner::default())?;
+        let mut run =
+            Run::start_or_resume(song, config, &folder, &command, source, &mut SongPlanner::default())?;
         let to_step = |at: &TrainingProgress| RehearsalStep::Training(iteration, *at);
         if job.part(to_step, |job| run.run_job(job))?.stopped.is_some() {
             return Err(Interrupted::resumable().into());
@@ -295,7 +296,7 @@ impl Rehearsal<'_> {
             }
         };
         let played =
-            job.part(to_step, |job| play_on_robot(&play, Some(folder), &mut Planner::default(), job));
+            job.part(to_step, |job| play_on_robot(&play, Some(folder), &mut SongPlanner::default(), job));
         all_complete(played, job.is_interrupted(), &format!("iteration {iteration}"))
     }
 }

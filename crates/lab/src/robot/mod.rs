@@ -20,11 +20,11 @@ use etude_task::{Piece, TaskError};
 use crate::errors::{Interrupted, released, unusable};
 use crate::json_files::save_pretty;
 use crate::pianist::Pianist;
-use crate::planner::Planner;
 use crate::play::{
     Files, REFERENCE, REPORT, header, scores_in_simulation, write_performance, write_reference,
 };
 use crate::results::in_new_result;
+use crate::song_planner::SongPlanner;
 
 pub use report::{MeanNotes, RobotReport, RobotRun};
 pub(crate) use report::{all_complete, robot_score};
@@ -96,7 +96,7 @@ pub fn run_file(index: usize, kind: &str) -> String {
 pub fn play_on_robot(
     play: &RobotPlay<'_>,
     results: Option<&Path>,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
     if (play.runs > 1 || play.measures_lag) && !play.home {
@@ -146,7 +146,7 @@ fn play_on_time(
     play: &RobotPlay<'_>,
     piece: &Piece,
     folder: Option<&Path>,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
     let once = RobotPlay { runs: 1, seed: play.seed.wrapping_add(play.runs as u64), ..play.clone() };
@@ -175,7 +175,7 @@ fn play_runs(
     play: &RobotPlay<'_>,
     piece: &Piece,
     folder: Option<&Path>,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
     let RobotPlay { pianist, rig, font, .. } = *play;
@@ -282,7 +282,7 @@ fn one_run(
     piece: &Piece,
     start: &[f64; DRIVEN_JOINTS],
     mut writer: Option<&mut RecordingWriter>,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
     interrupt: &AtomicBool,
 ) -> anyhow::Result<Performance> {
     let pianist = play.pianist;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-use etude_lab::{LATEST, PAGE, Pianist, Planner, RECORDING, REPORT, all_results, find_song, pianist_for};
+use etude_lab::{LATEST, PAGE, Pianist, RECORDING, REPORT, SongPlanner, all_results, find_song, pianist_for};
 use etude_music::{Song, SongError, repertoire};
 use etude_perform::write_file;
 use etude_show::watch::{Point, RunFigures, WatchedRun, runs_in};
@@ -166,8 +166,9 @@ impl Workspace {
         let analysis = || serde_json::from_slice::<Value>(&std::fs::read(&about).ok()?).ok();
         let is_ready = [&about, &reference].into_iter().all(is_new)
             && analysis().is_some_and(|analysis| analysis["title"] == notes.title());
-        let pianist =
-            pianist_for(song, &slug(song), &notes, &mut Planner::default()).ok().map(|chosen| chosen.pianist);
+        let pianist = pianist_for(song, &slug(song), &notes, &mut SongPlanner::default())
+            .ok()
+            .map(|chosen| chosen.pianist);
         Ok(json!({
             "song": song, "title": listed.title, "about": about, "reference": reference,
             "is_ready": is_ready,

@@ -14,7 +14,7 @@ const JOINT_RUNS: usize = 6;
 
 /// What a run plays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Played {
+pub(super) struct RunCorrections {
     /// The latency compensation, s; that of the policy's training if none. It changes when the
     /// notes are due, and not the motion.
     pub latency_compensation_secs: Option<f64>,
@@ -36,7 +36,7 @@ pub(super) struct Notes<'a> {
     pub on_time_secs: Option<f64>,
 }
 
-impl Played {
+impl RunCorrections {
     /// What is added to the set-points.
     pub fn added(&self) -> Correction {
         self.correction.plus(&self.key_offsets)
@@ -103,12 +103,15 @@ mod tests {
         // It sounds 0.1 s later than planned, which is the latency compensation, and 40 ms shorter.
         let strokes =
             PlayedNotes { planned: vec![note(0.3, 0.5)], played: vec![note(0.42, 0.58)], end_secs: 1.5 };
-        let after = |played: &Played, index, tracking: &Tracking| {
+        let after = |played: &RunCorrections, index, tracking: &Tracking| {
             let notes = Notes { strokes: &strokes, latency_compensation_secs: 0.1, on_time_secs: Some(0.12) };
             played.after(index, tracking, &notes, Side::Left)
         };
-        let second = after(&Played::default(), 0, &late(0.06));
-        assert_eq!(second, Played { latency_compensation_secs: Some(0.12), ..Played::default() });
+        let second = after(&RunCorrections::default(), 0, &late(0.06));
+        assert_eq!(
+            second,
+            RunCorrections { latency_compensation_secs: Some(0.12), ..RunCorrections::default() }
+        );
         let third = after(&second, 1, &late(0.06));
         assert_eq!(third.delays.unwrap().late_secs, 0.06);
         assert!(third.key_corrections == KeyCorrections::default() && third.key_offsets.is_still());
@@ -119,7 +122,7 @@ mod tests {
         assert!(key_offsets.correction.is_still());
         // The path moves with the key corrections: joints that follow it are right, and those that
         // do not are corrected.
-        let moved = |played: &Played| {
+        let moved = |played: &RunCorrections| {
             let sent = late(0.0).asked_for(&played.added()).asked;
             let measured = (0..asked.len()).map(|tick| sent[tick.saturating_sub(12)]).collect();
             Tracking { asked: asked.clone(), measured }

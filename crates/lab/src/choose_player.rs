@@ -5,9 +5,9 @@ use etude_music::Song;
 use etude_perform::shell_word;
 
 use crate::pianist::{Pianist, open};
-use crate::planner::Planner;
 use crate::play::scores_in_simulation;
 use crate::policy_files::{RUNS, policies, shipped_policy};
+use crate::song_planner::SongPlanner;
 use crate::zero_shot::{SIGHT_READER, predict_zero_shot};
 
 /// The best sight-reader of those that were evaluated on the same pieces as the one that comes with
@@ -73,7 +73,7 @@ pub fn pianist_for(
     asked: &str,
     slug: &str,
     song: &Song,
-    planner: &mut Planner<'_>,
+    planner: &mut SongPlanner<'_>,
 ) -> anyhow::Result<Chosen> {
     let own = best_of(slug, |pianist| pianist.has_learned(song))?;
     let chosen = match own {
@@ -97,7 +97,7 @@ const VELOCITY_BONUS: f64 = 0.05;
 
 /// The sight-reader, if in simulation it plays more notes of `song` right than `own` has, and with
 /// a higher F1.
-fn better_sight_reader(own: &Pianist, song: &Song, planner: &mut Planner<'_>) -> Option<Pianist> {
+fn better_sight_reader(own: &Pianist, song: &Song, planner: &mut SongPlanner<'_>) -> Option<Pianist> {
     let bonus = if own.config.task.velocities { VELOCITY_BONUS } else { 0.0 };
     let notes = own.claimed_notes.filter(|notes| *notes < song.notes().len() as f64)?;
     let f1 = own.claimed_f1? + bonus;
@@ -125,7 +125,7 @@ mod tests {
     fn a_policy_is_passed_over_for_what_the_sight_reader_plays_and_not_for_what_is_predicted() {
         let song = repertoire::get("chord-progression").unwrap();
         let reader = sight_reader().unwrap().unwrap();
-        let mut planner = Planner::default();
+        let mut planner = SongPlanner::default();
         let piece = planner.plan(&song, &reader.config.task).unwrap();
         let played = scores_in_simulation(&reader, &piece, &mut planner).unwrap();
         let predicted = predict_zero_shot(&song, &reader.config.task, &piece, &mut planner).unwrap();

@@ -57,8 +57,8 @@ pub fn read_plan(path: &Path) -> anyhow::Result<Vec<Trial>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::ExperimentConfig;
-    use crate::plan::tests::{MINE, plan};
+    use crate::trial_plan::ExperimentConfig;
+    use crate::trial_plan::tests::{MINE, plan};
 
     #[test]
     fn another_plan_has_another_file() {

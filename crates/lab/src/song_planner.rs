@@ -5,18 +5,18 @@ use etude_task::{Piece, TaskConfig, TaskError};
 
 /// Plans songs, and remembers the last plan: a command plans one song to choose its policy, to warn
 /// of what is left out, and to play it.
-pub struct Planner<'a> {
+pub struct SongPlanner<'a> {
     last: Option<(Song, TaskConfig, Piece)>,
     on_progress: Box<dyn FnMut(f64) + 'a>,
 }
 
-impl Default for Planner<'_> {
+impl Default for SongPlanner<'_> {
     fn default() -> Self {
         Self::new(|_| {})
     }
 }
 
-impl<'a> Planner<'a> {
+impl<'a> SongPlanner<'a> {
     /// `on_progress` receives the share that is planned, 0 to 1.
     pub fn new(on_progress: impl FnMut(f64) + 'a) -> Self {
         Self { last: None, on_progress: Box::new(on_progress) }
@@ -52,7 +52,7 @@ mod tests {
             ["twinkle", "c-major-scale"].map(|id| etude_music::repertoire::get(id).unwrap());
         let slow = TaskConfig { change_steps: task.change_steps + 1, ..task.clone() };
         let calls = std::cell::Cell::new(0);
-        let mut planner = Planner::new(|share| {
+        let mut planner = SongPlanner::new(|share| {
             assert!((0.0..=1.0).contains(&share));
             calls.set(calls.get() + 1);
         });
