@@ -87,6 +87,7 @@ test-kernel:
 # The wheel is for SBX in Étude's world, the trace of an episode for mujoco.rollout.
 bench: build wheel
 	$(CARGO) build --release --locked --package etude-task --example trace
+	$(CARGO) build --release --locked --package etude-lab --example bench
 	$(PYTHON) benches/run.py
 
 # Compiled once, some minutes; links within the book that lead nowhere are an error.

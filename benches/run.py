@@ -18,6 +18,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 SONG = "c-major-scale"
@@ -41,10 +42,18 @@ def plan(cores):
     return rows | {f"bf16_{key}": row for key, row in rows.items()}
 
 
-def run_etude(program, secs):
-    """The figures of `etude bench`."""
-    done = subprocess.run([program, "bench", "--json", "--secs", str(secs)], check=True, stdout=subprocess.PIPE)
-    return json.loads(done.stdout)
+def run_etude(release, secs):
+    """Étude's figures: those of crates/lab/examples/bench.rs, and the time until a training has made its first step."""
+    done = subprocess.run([release / "examples" / "bench", str(secs)], check=True, stdout=subprocess.PIPE)
+    figures = json.loads(done.stdout)
+    with tempfile.TemporaryDirectory(prefix="etude-bench-") as folder:
+        begun = time.perf_counter()
+        sets = ["--set", "trainer.total_steps=1", "--set", "trainer.evaluate_every_steps=0"]
+        train = [release / "etude", "train", SONG, "--preset", "paper", "--json", *sets, "--out", f"{folder}/run"]
+        subprocess.run(train, check=True, stdout=subprocess.DEVNULL)
+        figures["start_up_secs"] = time.perf_counter() - begun
+    figures["rows"].append({"what": "start to the first step, training", "key": "start_up_secs", "unit": "s"})
+    return figures
 
 
 def run_peer(script, secs, threads, files):
@@ -69,7 +78,7 @@ def measure(release, secs, turns):
         with open(files[1], "w") as trace:
             subprocess.run([release / "examples" / "trace", SONG], check=True, stdout=trace)
         for _ in range(turns):
-            ours.append(run_etude(release / "etude", secs / turns))
+            ours.append(run_etude(release, secs / turns))
             for peer in dict.fromkeys(peer for _, peers in plan(ours[0]["cores"]).values() for peer in peers):
                 if peer not in failed:
                     new, reason = run_peer(peer[0], secs / turns, peer[1], files)
@@ -147,7 +156,7 @@ def main():
     parser.add_argument("--secs", type=float, default=5.0, help="seconds for each measurement, all turns together")
     parser.add_argument("--turns", type=int, default=3, help="how often everything is measured")
     release = HERE.parent / "target" / "release"
-    parser.add_argument("--release", type=pathlib.Path, default=release, help="folder with etude and examples/trace")
+    parser.add_argument("--release", type=pathlib.Path, default=release, help="folder with etude, examples/bench and examples/trace")
     arguments = parser.parse_args()
     print(report(*measure(arguments.release, arguments.secs, arguments.turns)))
 

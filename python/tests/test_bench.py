@@ -1,4 +1,4 @@
-"""The table of `benches/run.py`, from figures as `etude bench --json` and the peers print them."""
+"""The table of `benches/run.py`, from figures as Étude and the peers print them."""
 
 import importlib.util
 import pathlib
@@ -9,7 +9,7 @@ spec.loader.exec_module(run)
 
 
 def figures(**values):
-    """What `etude bench --json` prints, of some rows."""
+    """What Étude prints, of some rows."""
     rows = [
         ("training, `paper` preset, 2 cores", "train_steps_per_sec", "steps/s", 300.0),
         ("the same in bf16, 2 cores", "bf16_train_steps_per_sec", "steps/s", 400.0),

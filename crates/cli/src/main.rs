@@ -80,8 +80,6 @@ enum Verb {
     Twin(verbs::twin::Args),
     /// Export the simulated world, or list its physical parameters
     Model(verbs::model::Args),
-    /// Measure the speed of the simulation and of the learner
-    Bench(verbs::bench::Args),
     /// Report what this machine has, and what each missing item prevents
     Doctor(verbs::doctor::Args),
     /// Print the completions for a shell
@@ -118,7 +116,6 @@ fn main() -> ExitCode {
         Verb::Experiment(args) => verbs::experiment::run(args),
         Verb::Twin(args) => verbs::twin::run(args),
         Verb::Model(args) => verbs::model::run(args),
-        Verb::Bench(args) => verbs::bench::run(args),
         Verb::Doctor(args) => verbs::doctor::run(args),
         Verb::Completions(args) => verbs::completions::run(args, Cli::command()),
         Verb::Man(args) => verbs::man::run(args, Cli::command()),

@@ -7,7 +7,6 @@
 //! all of it in iterations.
 
 mod adapt;
-pub mod bench;
 mod choose_player;
 mod config;
 mod correction;
@@ -18,7 +17,6 @@ mod folder;
 mod grid;
 mod identify;
 mod json_files;
-pub mod machine;
 mod pianist;
 mod play;
 mod policy_files;

@@ -1,4 +1,4 @@
-//! Updates per second on this machine, for `etude bench` and the comparison in `benches/peers`.
+//! Updates per second on this machine, for `make bench` and the comparison in `benches/peers`.
 
 use std::time::{Duration, Instant};
 

@@ -1,4 +1,4 @@
-//! Speed of the environment compared with bare MuJoCo, for `etude bench`.
+//! Speed of the environment compared with bare MuJoCo, for `make bench`.
 
 use std::time::Instant;
 

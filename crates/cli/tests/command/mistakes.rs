@@ -140,8 +140,6 @@ fn settings_that_cannot_work() {
         refused(&sandbox, &format!("train short.mid {args}"), words);
     }
     refused(&sandbox, "train", &["SONG"]);
-    refused(&sandbox, "bench --secs -1", &["--secs", "above 0"]);
-    refused(&sandbox, "bench --secs nan", &["--secs", "above 0"]);
     assert_eq!(sandbox.left_behind(), ["broken.toml"]);
 }
 
@@ -362,8 +360,6 @@ fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
     for (args, words) in cases {
         redirected(&sandbox, args, words);
     }
-    let said = errors(&sandbox.command("check").output().unwrap());
-    assert!(!said.contains("bench"), "the command that is called so, and no other: {said}");
     refused(&sandbox, "train twinkle --set trainer.sead=3", &["did you mean seed?"]);
     refused(&sandbox, "train twinkle --set seed=3", &["did you mean trainer.seed?"]);
     let params = "task.physics.key.treshold=0.6";

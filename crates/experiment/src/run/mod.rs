@@ -18,7 +18,6 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use etude_lab::machine::processor;
 use etude_lab::{
     Pianist, RobotPlay, Run, SongPlanner, TrainingProgress, load_pianist, play_on_robot, scores_in_simulation,
 };
@@ -111,6 +110,14 @@ pub fn run_trial(
     write_json(&folder.join(TIMES), &times)?;
     write_json(&folder.join(RESULT), &result)?;
     Ok(TrialEnd::Done)
+}
+
+/// Name of the processor, or its architecture where the system does not report it.
+fn processor() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let mut fields = text.lines().filter_map(|line| line.split_once(':'));
+    let name = fields.find(|(key, _)| key.trim() == "model name");
+    name.map_or_else(|| std::env::consts::ARCH.to_string(), |(_, name)| name.trim().to_string())
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
