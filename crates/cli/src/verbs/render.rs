@@ -1,10 +1,10 @@
 //! `etude render`: stills and videos of a recording.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use etude_perform::Job;
-use etude_show::render::{Studio, Video};
+use etude_show::render::Studio;
 use etude_show::replay::{read_take, recordings};
 use etude_stage::View;
 
@@ -18,8 +18,7 @@ use crate::status::Status;
 #[command(after_help = "\
 The keys have the colours of the replay page: light blue due, blue right, orange wrong, red missed. Below \
 is the piano roll. No screen is needed: a GPU draws if there is one, otherwise Mesa on the processor. \
-ffmpeg encodes videos with the sound; without it the pictures and the sound are written to a folder, and \
-the command that encodes them is printed.
+Videos need ffmpeg, which encodes them with the sound.
 
 Examples:
   etude render out/twinkle -o twinkle.mp4
@@ -40,7 +39,7 @@ pub struct Args {
     /// Width and height, pixels
     #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = size)]
     size: [u32; 2],
-    /// Print JSON: picture, video or frames (a folder), and command
+    /// Print JSON: picture or video
     #[arg(long)]
     json: bool,
 }
@@ -77,31 +76,20 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         note(format!("{}: {text}", take.name));
     }
     let mut studio = Studio::new(&take, args.size, args.view, is_still)?;
-    if let Some(secs) = args.at {
+    let what = if let Some(secs) = args.at {
         studio.still(secs, &out)?;
-        return print(args.json, "picture", &out, None);
-    }
-    let stop = stop_flag()?;
-    let mut status = Status::new(args.json);
-    let mut tell = |done: &f64| status.part("drawing", &format!(", {:.0} %", 100.0 * done), *done);
-    let video = studio.video(&out, &mut Job::new(&mut tell, &stop))?;
-    drop(status);
-    match video {
-        Video::File(path) => print(args.json, "video", &path, None),
-        Video::Frames { folder, command } => print(args.json, "frames", &folder, Some(&command)),
-    }
-}
-
-fn print(is_json: bool, what: &str, path: &Path, command: Option<&str>) -> anyhow::Result<Ending> {
-    if is_json {
-        print_json(&serde_json::json!({ what: path.display().to_string(), "command": command }))?;
+        "picture"
     } else {
-        line(format!("{what}: {}", path.display()))?;
-        if let Some(command) = command {
-            line(format!(
-                "ffmpeg is not installed here (Debian, Ubuntu: apt-get install -y ffmpeg); a video by: {command}"
-            ))?;
-        }
+        let stop = stop_flag()?;
+        let mut status = Status::new(args.json);
+        let mut tell = |done: &f64| status.part("drawing", &format!(", {:.0} %", 100.0 * done), *done);
+        studio.video(&out, &mut Job::new(&mut tell, &stop))?;
+        "video"
+    };
+    if args.json {
+        print_json(&serde_json::json!({ what: out.display().to_string() }))?;
+    } else {
+        line(format!("{what}: {}", out.display()))?;
     }
     Ok(Ending::Done)
 }

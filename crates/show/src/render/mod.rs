@@ -2,16 +2,16 @@
 
 mod moment;
 
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::os::unix::process::CommandExt as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
-use anyhow::{anyhow, bail};
+use anyhow::{Context as _, anyhow, bail};
 use etude_lab::Interrupted;
 use etude_music::KeySet;
 use etude_music::sound::{self, write_hint};
-use etude_perform::{Job, shell_word, write_file};
+use etude_perform::{Job, write_file};
 use etude_stage::{FINGERS, Painter, SceneGeom, View, World, picture_size};
 
 use self::moment::{joints_at, key_colours, links, shadow};
@@ -19,40 +19,11 @@ use crate::replay::Take;
 use crate::strip::Strip;
 
 /// Pictures a second of a video.
-pub const FRAMES_PER_SEC: u32 = 30;
+const FRAMES_PER_SEC: u32 = 30;
 /// Players and browsers want even sizes: ffmpeg's filter for that.
 const EVEN: &str = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
 /// What to do if ffmpeg has failed.
 const FFMPEG_HINT: &str = "check `ffmpeg -version` and the free disk space";
-
-/// Where a video is.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Video {
-    /// A file with sound.
-    File(PathBuf),
-    /// Pictures in a folder with the sound beside them, since ffmpeg is not there; the command that
-    /// makes a video of them.
-    Frames {
-        /// The folder.
-        folder: PathBuf,
-        /// What to run where ffmpeg is.
-        command: String,
-    },
-}
-
-/// A file in `folder` that is not of a video in pictures.
-fn other_file(folder: &Path) -> Option<PathBuf> {
-    let is_picture = |name: &str| {
-        name.strip_suffix(".png")
-            .is_some_and(|number| number.len() >= 6 && number.bytes().all(|digit| digit.is_ascii_digit()))
-    };
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut files = entries.map(|entry| entry.path());
-    files.find(|file| {
-        let name = file.file_name().unwrap_or_default().to_string_lossy();
-        name != "sound.wav" && !is_picture(&name)
-    })
-}
 
 /// Draws pictures of a recording.
 pub struct Studio<'a> {
@@ -136,71 +107,47 @@ impl<'a> Studio<'a> {
         write_png(path, size, pixels)
     }
 
-    /// Writes the whole recording as a video with its sound; without ffmpeg as pictures in a
-    /// folder. Reports the share that is done, 0 to 1.
+    /// Writes the whole recording as a video with its sound. Reports the share that is done, 0 to 1.
     ///
     /// # Errors
-    /// If drawing, encoding or writing fails; [`Interrupted`] if the job is interrupted. Then
-    /// nothing is kept.
-    pub fn video(&mut self, path: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<Video> {
-        let without_ffmpeg = path.with_extension("frames");
-        let has_ffmpeg = has_ffmpeg();
-        if !has_ffmpeg && let Some(other) = other_file(&without_ffmpeg) {
-            bail!("{} is not of a video: choose another name with -o, or move it away", other.display());
-        }
+    /// If there is no ffmpeg, or drawing, encoding or writing fails; [`Interrupted`] if the job is
+    /// interrupted. Then nothing is kept.
+    pub fn video(&mut self, path: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<()> {
         let mut samples = self.take.sound()?;
         // Silence to the end of the picture, or ffmpeg ends with the last note.
         let whole = (self.take.secs() * f64::from(sound::SAMPLE_RATE_HZ)).ceil() as usize;
         samples.resize(samples.len().max(whole), 0.0);
-        let frames = (self.take.secs() * f64::from(FRAMES_PER_SEC)).ceil().max(1.0) as u32;
         let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // It is removed with all that is still in it when this function ends.
         let work = tempfile::tempdir_in(parent).map_err(|error| cannot_write(parent, &error))?;
-        let pictures = work.path().join("frames");
-        std::fs::create_dir(&pictures).map_err(|error| cannot_write(parent, &error))?;
-        let wav = pictures.join("sound.wav");
+        let [wav, video] = ["sound.wav", "video.mp4"].map(|name| work.path().join(name));
         sound::write_wav(&wav, &samples)?;
-        if has_ffmpeg {
-            let video = work.path().join("video.mp4");
-            self.encode(frames, &wav, &video, job)?;
-            std::fs::rename(&video, path).map_err(|error| cannot_write(path, &error))?;
-            return Ok(Video::File(path.to_path_buf()));
-        }
-        let size = self.size;
-        self.pictures(frames, job, |frame, pixels| {
-            write_png(&pictures.join(format!("{frame:06}.png")), size, pixels)
-        })?;
-        let folder = without_ffmpeg;
-        // Pictures of an earlier, longer video would be taken for the end of this one.
-        let _ = std::fs::remove_dir_all(&folder);
-        std::fs::rename(&pictures, &folder).map_err(|error| cannot_write(&folder, &error))?;
-        let [pictures, sound, video] = [&folder.join("%06d.png"), &folder.join("sound.wav"), path]
-            .map(|path| shell_word(path.display()));
-        let command = format!(
-            "ffmpeg -r {FRAMES_PER_SEC} -i {pictures} -i {sound} -vf '{EVEN}' -pix_fmt yuv420p {video}"
-        );
-        Ok(Video::Frames { folder, command })
+        self.encode(&wav, &video, job)?;
+        std::fs::rename(&video, path).map_err(|error| cannot_write(path, &error))
     }
 
-    /// Draws every picture: its number and pixels.
-    fn pictures(
-        &mut self,
-        frames: u32,
-        job: &mut Job<'_, f64>,
-        mut take: impl FnMut(u32, &[u8]) -> anyhow::Result<()>,
-    ) -> anyhow::Result<()> {
+    /// Draws every picture into `pipe`, until it is closed at its other end.
+    fn pictures(&mut self, pipe: &mut impl Write, job: &mut Job<'_, f64>) -> anyhow::Result<()> {
+        let frames = (self.take.secs() * f64::from(FRAMES_PER_SEC)).ceil().max(1.0) as u32;
         for frame in 0..frames {
             if job.is_interrupted() {
                 return Err(Interrupted("stopped on request; nothing was kept".to_string()).into());
             }
-            take(frame, self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?)?;
+            if pipe.write_all(self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?).is_err() {
+                break;
+            }
             job.report(&(f64::from(frame + 1) / f64::from(frames)));
         }
         Ok(())
     }
 
-    fn encode(&mut self, frames: u32, wav: &Path, out: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<()> {
-        let failed = |error: std::io::Error| anyhow!("ffmpeg has failed: {error}; {FFMPEG_HINT}");
+    fn encode(&mut self, wav: &Path, out: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<()> {
+        let failed = |error: std::io::Error| match error.kind() {
+            ErrorKind::NotFound => anyhow!(
+                "there is no ffmpeg here to write a video (Debian, Ubuntu: apt-get install -y ffmpeg); --at SECS makes a still"
+            ),
+            _ => anyhow!("ffmpeg has failed: {error}; {FFMPEG_HINT}"),
+        };
         let [width, height] = self.size;
         let mut encoder = Command::new("ffmpeg")
             .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
@@ -227,19 +174,11 @@ impl<'a> Studio<'a> {
             .process_group(0)
             .spawn()
             .map_err(failed)?;
-        let mut pipe = encoder.stdin.take().map(BufWriter::new);
-        let mut is_broken = false;
-        let drawn = self.pictures(frames, job, |_, pixels| {
-            is_broken = pipe.as_mut().is_some_and(|pipe| pipe.write_all(pixels).is_err());
-            anyhow::ensure!(!is_broken, "ffmpeg has ended");
-            Ok(())
-        });
+        let mut pipe = BufWriter::new(encoder.stdin.take().context("ffmpeg has no input")?);
+        let drawn = self.pictures(&mut pipe, job);
         drop(pipe);
         let ended = encoder.wait_with_output().map_err(failed)?;
-        // An encoder that has ended early says why.
-        if !is_broken {
-            drawn?;
-        }
+        drawn?;
         if ended.status.success() {
             return Ok(());
         }
@@ -253,12 +192,6 @@ impl<'a> Studio<'a> {
 
 fn cannot_write(path: &Path, error: &std::io::Error) -> anyhow::Error {
     anyhow!("cannot write {}: {error}; {}", path.display(), write_hint(error))
-}
-
-/// Whether there is an ffmpeg to call.
-pub fn has_ffmpeg() -> bool {
-    let quiet = Command::new("ffmpeg").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
-    quiet.is_ok_and(|status| status.success())
 }
 
 /// Writes rows of red, green, blue as a PNG file.
