@@ -44,7 +44,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             .iter()
             .map(|folder| {
                 let mut run = WatchedRun::open(folder);
-                while run.read()? {}
+                run.read()?;
                 Ok(run.figures(now))
             })
             .collect::<anyhow::Result<Vec<_>>>()?;

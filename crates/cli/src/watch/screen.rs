@@ -46,9 +46,8 @@ fn watch(terminal: &mut DefaultTerminal, view: &mut View, stop: &AtomicBool) -> 
         if now >= read_at {
             // A file that cannot be read now is tried again: reads on network file systems
             // sometimes fail.
-            let more = view.read().unwrap_or(false);
-            read_at = if more { now } else { now + POLL_INTERVAL };
-            changed = true;
+            let _ = view.read();
+            (changed, read_at) = (true, now + POLL_INTERVAL);
         }
         if changed && now >= draw_at {
             terminal.draw(|frame| view.draw(frame))?;

@@ -49,12 +49,11 @@ impl View {
         Ok(view)
     }
 
-    /// Reads some of the new log lines; `true` if there is more. A run that cannot be read does not
-    /// stop the others.
-    pub(super) fn read(&mut self) -> anyhow::Result<bool> {
+    /// Reads the new log lines. A run that cannot be read does not stop the others.
+    pub(super) fn read(&mut self) -> anyhow::Result<()> {
         let read: Vec<_> = self.runs.iter_mut().map(WatchedRun::read).collect();
         self.update();
-        read.into_iter().try_fold(false, |more, run| Ok(more | run?))
+        read.into_iter().collect()
     }
 
     fn update(&mut self) {
@@ -62,25 +61,15 @@ impl View {
         self.figures = self.runs.iter().map(|run| run.figures(now)).collect();
     }
 
-    /// Adds new runs in the rows of those that are no longer found, so that the others keep row and
-    /// colour.
+    /// Adds new runs, and drops those that are no longer found.
     pub(super) fn search(&mut self) {
         // After an error the shown runs stay.
-        let Ok(mut found) = find_runs(&self.folders, MAX_RUNS, SystemTime::now()) else { return };
-        let shown: Vec<_> = self.runs.iter().map(|run| run.folder().to_path_buf()).collect();
-        let missing: Vec<_> = (0..shown.len()).filter(|&at| !found.contains(&shown[at])).collect();
-        found.retain(|folder| !shown.contains(folder));
-        let mut begun = found.iter().map(|folder| WatchedRun::open(folder));
-        let mut dropped = Vec::new();
-        for at in missing {
-            match begun.next() {
-                Some(run) => self.runs[at] = run,
-                None => dropped.push(at),
+        let Ok(found) = find_runs(&self.folders, MAX_RUNS, SystemTime::now()) else { return };
+        self.runs.retain(|run| found.iter().any(|folder| folder == run.folder()));
+        for folder in &found {
+            if self.runs.iter().all(|run| run.folder() != folder) {
+                self.runs.push(WatchedRun::open(folder));
             }
-        }
-        self.runs.extend(begun);
-        for at in dropped.into_iter().rev() {
-            self.runs.remove(at);
         }
         self.selected = self.selected.min(self.runs.len().saturating_sub(1));
         self.update();

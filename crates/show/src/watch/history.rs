@@ -36,8 +36,15 @@ pub struct History {
 }
 
 impl History {
-    /// Adds a line of the log. One that is damaged is left out.
-    pub(super) fn add(&mut self, line: &[u8]) {
+    /// That of a log.
+    pub(super) fn of(log: &[u8]) -> Self {
+        let mut history = Self::default();
+        log.split(|byte| *byte == b'\n').for_each(|line| history.add(line));
+        history
+    }
+
+    /// Adds a line of the log. One that is damaged, or not complete yet, is left out.
+    fn add(&mut self, line: &[u8]) {
         // A value that is not finite is written as null.
         let Ok(row) = serde_json::from_slice::<BTreeMap<String, Option<f64>>>(line) else { return };
         let get = |key: &str| row.get(key).copied().flatten();
@@ -96,9 +103,7 @@ mod tests {
     use super::*;
 
     fn history(text: &str) -> History {
-        let mut history = History::default();
-        text.lines().for_each(|line| history.add(line.as_bytes()));
-        history
+        History::of(text.as_bytes())
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! Trainings, of this process or of others: read from the files in their folders while they grow.
 
 mod find;
-mod follow;
 mod history;
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -15,11 +15,8 @@ pub use find::{find_runs, runs_in};
 pub use history::{History, Point};
 
 use etude_lab::{CONFIG, META};
-use follow::Follower;
 
 const METRICS: &str = "metrics.jsonl";
-/// Bytes that are read at once, so that the reader can do something else between.
-const MAX_READ_BYTES: usize = 8 << 20;
 /// A training is `Silent` when it has logged nothing for this many of its intervals and for this
 /// many seconds.
 const SILENCE_TIMEOUT_INTERVALS: f64 = 3.0;
@@ -31,7 +28,8 @@ pub struct WatchedRun {
     name: String,
     song: Option<String>,
     intervals: Intervals,
-    follower: Follower,
+    /// Length of its metrics and when they were written, as they were read last.
+    read: Option<(u64, Option<SystemTime>)>,
     history: History,
 }
 
@@ -112,30 +110,31 @@ impl WatchedRun {
             name: name(folder),
             song: title(folder),
             intervals: Intervals::read(folder),
-            follower: Follower::new(folder.join(METRICS)),
+            read: None,
             history: History::default(),
         }
     }
 
-    /// Reads some of what is new; `true` if there is more.
+    /// Reads what it has logged, if that has changed.
     ///
     /// # Errors
     /// If the metrics are there and cannot be read.
-    pub fn read(&mut self) -> anyhow::Result<bool> {
-        let piece = self
-            .follower
-            .read(MAX_READ_BYTES)
-            .map_err(|error| anyhow!("cannot read {}: {error}", self.folder.join(METRICS).display()))?;
-        if piece.restarted {
-            self.history = History::default();
-        }
-        if piece.restarted || !piece.lines.is_empty() {
+    pub fn read(&mut self) -> anyhow::Result<()> {
+        let path = self.folder.join(METRICS);
+        let cannot = |error: std::io::Error| anyhow!("cannot read {}: {error}", path.display());
+        let state = match path.metadata() {
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            data => data.map(|data| Some((data.len(), data.modified().ok()))).map_err(cannot)?,
+        };
+        if state != self.read {
+            let text = if state.is_some() { std::fs::read(&path).map_err(cannot)? } else { Vec::new() };
             // A run that is continued may be given more steps, and a folder another song.
             self.intervals = Intervals::read(&self.folder);
             self.song = title(&self.folder);
+            self.history = History::of(&text);
+            self.read = state;
         }
-        piece.lines.iter().for_each(|line| self.history.add(line));
-        Ok(piece.more)
+        Ok(())
     }
 
     /// The run's folder.
@@ -265,7 +264,7 @@ mod tests {
         let write = |text: String| std::fs::write(folder.join(METRICS), text).unwrap();
         let mut run = WatchedRun::open(&folder);
         let mut figures = |secs: u64| {
-            assert!(!run.read().unwrap());
+            run.read().unwrap();
             run.figures(SystemTime::now() + Duration::from_secs(secs))
         };
         assert_eq!(figures(0).state, RunState::Waiting);

@@ -212,7 +212,7 @@ impl Workspace {
         let training = |folder: &PathBuf| {
             let run = watched.entry(folder.clone()).or_insert_with(|| WatchedRun::open(folder));
             // A file that cannot be read now is tried again with the next request.
-            while run.read().unwrap_or(false) {}
+            let _ = run.read();
             let history = run.history();
             Training {
                 figures: run.figures(SystemTime::now()),
