@@ -1,13 +1,15 @@
 //! The files of the working folder that the page shows.
 
 use std::fs::File;
-use std::io::{Seek as _, SeekFrom};
+use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use http_body_util::Either;
+use http_body_util::channel::Channel;
 use hyper::StatusCode;
-use hyper::header;
+use hyper::header::{self, HeaderValue};
 
-use super::message::{ApiError, Content, HttpResponse};
+use super::message::{ApiError, HttpResponse, ResponseBody, response};
 
 /// Folders whose files are served.
 const FOLDERS: [&str; 2] = ["out", "songs"];
@@ -20,17 +22,15 @@ const CONTENT_TYPES: [(&str, &str); 6] = [
     ("csv", "text/csv; charset=utf-8"),
     ("mcap", "application/octet-stream"),
 ];
+/// Bytes of a file that are read at a time.
+const CHUNK_BYTES: usize = 1 << 16;
 /// A page from a file is sandboxed: its scripts run, but have no access to this server.
 const POLICY: &str = "sandbox allow-scripts allow-downloads; frame-ancestors 'none'";
 
 /// The file at `parts` below `root`, or its `range`.
 pub fn file(root: &Path, parts: &[String], range: Option<&str>) -> Result<HttpResponse, ApiError> {
     let missing = || ApiError::not_found(format!("there is no file {} to show", parts.join("/")));
-    let path = inside(root, parts).ok_or_else(missing)?;
-    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    let (_, content_type) =
-        CONTENT_TYPES.iter().find(|(known, _)| *known == extension).ok_or_else(missing)?;
-    let mut file = File::open(&path).map_err(|_| missing())?;
+    let (mut file, content_type) = open(root, parts).ok_or_else(missing)?;
     let length = file.metadata().map_err(|_| missing())?.len();
     let (status, first, last) = match range.map(|range| bounds(range, length)) {
         None => (StatusCode::OK, 0, length),
@@ -40,24 +40,50 @@ pub fn file(root: &Path, parts: &[String], range: Option<&str>) -> Result<HttpRe
         }
     };
     file.seek(SeekFrom::Start(first)).map_err(|_| missing())?;
-    let mut headers = vec![(header::ACCEPT_RANGES, "bytes".to_string())];
+    let mut response = response(status, content_type, POLICY, in_chunks(file, last - first));
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_LENGTH, (last - first).into());
+    headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
     if status == StatusCode::PARTIAL_CONTENT {
-        headers.push((header::CONTENT_RANGE, format!("bytes {first}-{}/{length}", last - 1)));
+        let range = format!("bytes {first}-{}/{length}", last - 1);
+        headers.insert(header::CONTENT_RANGE, range.parse().expect("digits are a header"));
     }
-    let body = Content::FilePart(file, last - first);
-    Ok(HttpResponse { status, content_type, policy: POLICY.to_string(), headers, body })
+    Ok(response)
 }
 
-/// The file, if it is in one of the folders and no link in its path leads out of the working
-/// folder.
-fn inside(root: &Path, parts: &[String]) -> Option<PathBuf> {
+/// The next `left` bytes of a file. The thread that reads them waits for the browser, and ends when
+/// the browser closes the connection.
+fn in_chunks(mut file: File, mut left: u64) -> ResponseBody {
+    let (mut sender, body) = Channel::new(1);
+    let runtime = tokio::runtime::Handle::current();
+    tokio::task::spawn_blocking(move || {
+        while left > 0 {
+            let mut chunk = vec![0; CHUNK_BYTES.min(left as usize)];
+            if let Err(error) = file.read_exact(&mut chunk) {
+                return sender.abort(error);
+            }
+            left -= chunk.len() as u64;
+            if runtime.block_on(sender.send_data(chunk.into())).is_err() {
+                return;
+            }
+        }
+    });
+    Either::Right(body)
+}
+
+/// The file and its content type, if it is in one of the folders, of one of the kinds, and no link
+/// in its path leads out of the working folder.
+fn open(root: &Path, parts: &[String]) -> Option<(File, &'static str)> {
     let is_plain =
         |part: &String| !(part.is_empty() || part.starts_with('.') || part.contains(['/', '\\', '\0']));
     if !FOLDERS.contains(&parts.first()?.as_str()) || !parts.iter().all(is_plain) {
         return None;
     }
     let path = root.join(parts.iter().collect::<PathBuf>()).canonicalize().ok()?;
-    (path.starts_with(root) && path.is_file()).then_some(path)
+    let extension = path.extension()?.to_str()?;
+    let (_, content_type) = CONTENT_TYPES.iter().find(|(known, _)| *known == extension)?;
+    let is_inside = path.starts_with(root) && path.is_file();
+    Some((File::open(path).ok().filter(|_| is_inside)?, content_type))
 }
 
 /// First byte and the one after the last of a range such as `bytes=0-99`, `bytes=100-` or
@@ -75,8 +101,6 @@ fn bounds(range: &str, length: u64) -> Option<(u64, u64)> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Read as _;
-
     use super::*;
 
     #[test]
@@ -115,12 +139,7 @@ mod tests {
         std::os::unix::fs::symlink(root.join("out/a"), root.join("out/b")).unwrap();
         let get = |path: &str| {
             let parts: Vec<String> = path.split('|').map(str::to_string).collect();
-            let Content::FilePart(mut file, length) = file(&root, &parts, None).ok()?.body else {
-                return None;
-            };
-            let mut text = String::new();
-            assert_eq!(file.read_to_string(&mut text).unwrap() as u64, length);
-            Some(text)
+            Some(std::io::read_to_string(open(&root, &parts)?.0).unwrap())
         };
         assert_eq!(get("out|a|x.wav").unwrap(), "out/a/x.wav");
         assert_eq!(get("out|b|x.wav").unwrap(), "out/a/x.wav", "a link that stays inside");

@@ -13,6 +13,7 @@ use std::time::Instant;
 use etude_perform::{shell_line, write_file};
 use hyper::StatusCode;
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::message::ApiError;
 use crate::progress::{ATTENDED, STOPPING};
@@ -36,20 +37,17 @@ pub struct Step {
 }
 
 /// The verbs of a job, one after the other.
-#[derive(Clone, Serialize)]
+#[derive(Clone)]
 pub struct JobSpec {
     pub title: String,
     /// The song's id or path; empty without a song.
     pub song: String,
     /// The folder or file that the job writes.
     pub output: String,
-    #[serde(skip)]
     pub steps: Vec<Step>,
     /// One training runs at a time, on all cores.
-    #[serde(skip)]
     pub is_training: bool,
     /// Minutes after which a training stops.
-    #[serde(skip)]
     pub minutes: Option<f64>,
 }
 
@@ -72,22 +70,6 @@ struct Job {
     steps_done: usize,
     log: Vec<String>,
     child: Option<Child>,
-}
-
-/// The status of a job, for the page.
-#[derive(Serialize)]
-pub struct JobStatus {
-    id: u64,
-    #[serde(flatten)]
-    spec: JobSpec,
-    state: JobState,
-    steps_done: usize,
-    secs: f64,
-    /// Until the time limit.
-    secs_left: Option<f64>,
-    /// The command line of the current or last step.
-    command: String,
-    log: Vec<String>,
 }
 
 #[derive(Default)]
@@ -176,7 +158,7 @@ impl Jobs {
     }
 
     /// All jobs, the last one first.
-    pub fn status(&self) -> Vec<JobStatus> {
+    pub fn status(&self) -> Vec<Value> {
         lock(&self.list).jobs.iter().rev().map(Job::status).collect()
     }
 }
@@ -205,19 +187,20 @@ impl Job {
         }
     }
 
-    fn status(&self) -> JobStatus {
+    /// What the page shows of it.
+    fn status(&self) -> Value {
+        let Self { spec, .. } = self;
         let secs = self.secs.unwrap_or_else(|| self.start.elapsed().as_secs_f64());
-        let step = &self.spec.steps[self.steps_done.min(self.spec.steps.len() - 1)];
-        JobStatus {
-            id: self.id,
-            spec: self.spec.clone(),
-            state: self.state,
-            steps_done: self.steps_done,
-            secs,
-            secs_left: self.spec.minutes.map(|minutes| (60.0 * minutes - secs).max(0.0)),
-            command: shell_line(std::iter::once("etude".to_string()).chain(step.args.iter().cloned())),
-            log: self.log.clone(),
-        }
+        let step = &spec.steps[self.steps_done.min(spec.steps.len() - 1)];
+        json!({
+            "id": self.id, "title": spec.title, "song": spec.song, "output": spec.output,
+            "state": self.state, "steps_done": self.steps_done, "secs": secs,
+            // Until the time limit.
+            "secs_left": spec.minutes.map(|minutes| (60.0 * minutes - secs).max(0.0)),
+            // Of the current or last step.
+            "command": shell_line(std::iter::once("etude".to_string()).chain(step.args.iter().cloned())),
+            "log": self.log,
+        })
     }
 }
 

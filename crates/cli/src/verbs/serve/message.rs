@@ -1,12 +1,12 @@
 //! HTTP requests and responses, and the errors of the API.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 
+use http_body_util::channel::Channel;
+use http_body_util::{Either, Full};
 use hyper::body::Bytes;
-use hyper::header::HeaderName;
-use hyper::{Method, StatusCode};
-use serde_json::json;
+use hyper::{Method, Response, StatusCode, header};
+use serde_json::{Value, json};
 
 use crate::output::error_message;
 
@@ -22,34 +22,31 @@ pub struct HttpRequest {
     pub body: Bytes,
 }
 
+/// Bytes, or a file in chunks that another thread reads.
+pub type ResponseBody = Either<Full<Bytes>, Channel<Bytes, std::io::Error>>;
 /// The response to a request.
-pub struct HttpResponse {
-    pub status: StatusCode,
-    pub content_type: &'static str,
-    /// The Content-Security-Policy.
-    pub policy: String,
-    pub headers: Vec<(HeaderName, String)>,
-    pub body: Content,
+pub type HttpResponse = Response<ResponseBody>;
+
+/// A response; `policy` is its Content-Security-Policy.
+pub fn response(status: StatusCode, content_type: &str, policy: &str, body: ResponseBody) -> HttpResponse {
+    Response::builder()
+        .status(status)
+        .header(header::CONTENT_TYPE, content_type)
+        .header(header::CONTENT_SECURITY_POLICY, policy)
+        .header(header::X_CONTENT_TYPE_OPTIONS, "nosniff")
+        .header(header::X_FRAME_OPTIONS, "DENY")
+        // The address holds the token.
+        .header(header::REFERRER_POLICY, "no-referrer")
+        .header(header::CACHE_CONTROL, "no-store")
+        .header("cross-origin-resource-policy", "same-origin")
+        .body(body)
+        .expect("the headers are our own")
 }
 
-/// The body of a response.
-pub enum Content {
-    Bytes(Bytes),
-    /// The next so many bytes of a file, which are sent in chunks.
-    FilePart(File, u64),
-}
-
-impl HttpResponse {
-    /// A value as JSON.
-    pub fn json(value: &serde_json::Value) -> Self {
-        Self {
-            status: StatusCode::OK,
-            content_type: "application/json",
-            policy: "default-src 'none'; sandbox".to_string(),
-            headers: Vec::new(),
-            body: Content::Bytes(value.to_string().into()),
-        }
-    }
+/// A value as JSON.
+pub fn json(status: StatusCode, value: &Value) -> HttpResponse {
+    let body = Either::Left(Full::new(value.to_string().into()));
+    response(status, "application/json", "default-src 'none'; sandbox", body)
 }
 
 /// Why a request is refused; the page shows the message.
@@ -81,6 +78,6 @@ impl From<anyhow::Error> for ApiError {
 
 impl From<ApiError> for HttpResponse {
     fn from(error: ApiError) -> Self {
-        Self { status: error.status, ..Self::json(&json!({ "error": error.message })) }
+        json(error.status, &json!({ "error": error.message }))
     }
 }

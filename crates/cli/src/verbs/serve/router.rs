@@ -1,6 +1,7 @@
 //! The addresses of the server and what answers each.
 
 use etude_show::work_page;
+use http_body_util::{Either, Full};
 use hyper::{Method, StatusCode};
 use serde_json::json;
 
@@ -8,7 +9,7 @@ use super::api::ApiRequest;
 use super::auth::Auth;
 use super::files;
 use super::jobs::Jobs;
-use super::message::{ApiError, Content, HttpRequest, HttpResponse};
+use super::message::{ApiError, HttpRequest, HttpResponse, json as json_response, response};
 use super::workspace::Workspace;
 
 /// The state of the server.
@@ -54,17 +55,12 @@ impl Server {
             }
             _ => return Err(ApiError::not_found("there is nothing at this address; reload the page")),
         };
-        Ok(HttpResponse::json(&value))
+        Ok(json_response(StatusCode::OK, &value))
     }
 }
 
 fn page() -> HttpResponse {
     let (page, policy) = work_page();
-    HttpResponse {
-        status: StatusCode::OK,
-        content_type: "text/html; charset=utf-8",
-        policy: format!("{policy}; frame-ancestors 'none'"),
-        headers: Vec::new(),
-        body: Content::Bytes(page.into()),
-    }
+    let policy = format!("{policy}; frame-ancestors 'none'");
+    response(StatusCode::OK, "text/html; charset=utf-8", &policy, Either::Left(Full::new(page.into())))
 }
