@@ -5,7 +5,6 @@ mod config;
 mod curves;
 mod figures;
 mod local;
-mod notes;
 mod outcome;
 mod playing;
 mod report;

@@ -7,7 +7,7 @@
 //! OUT/NAME/results.csv        one row a performance, iteration or fit
 //! OUT/NAME/curves.csv         one row an evaluation
 //! OUT/NAME/FIGURE.svg         the figures
-//! OUT/NAME/notes.md           our notes in Markdown, written by hand; they become part of the page
+//! OUT/NAME/notes.md           our notes, written by hand; the page shows them as they are
 //! ```
 
 use std::collections::BTreeMap;
@@ -21,7 +21,6 @@ use maud::{Markup, PreEscaped, html};
 
 use crate::config::{Experiment, FigureConfig, FigureKind};
 use crate::figures::{caption, drawing};
-use crate::notes::rendered;
 use crate::results::{DoneTrial, curves, records, to_csv};
 use crate::tables::{against_the_paper, differences, interrupted, provenance, scores, times};
 use crate::trial::Trial;
@@ -147,7 +146,7 @@ fn section(
             h2 { (experiment.title) }
             p { (experiment.source) "." }
             @if !experiment.finding.is_empty() { h3 { "The paper" } p { (experiment.finding) } }
-            @if !notes.trim().is_empty() { h3 { "Here" } (rendered(&notes)) }
+            @if !notes.trim().is_empty() { h3 { "Here" } pre { (notes.trim()) } }
             div.drawings { @for figure in &figures { (figure) } }
             (against_the_paper(experiment, &all))
             (scores(experiment, &all))
