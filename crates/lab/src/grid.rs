@@ -37,24 +37,24 @@ pub struct GridConfig {
 /// How a song went in one world.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WorldScores {
-    /// The paper's F1, by control step.
-    pub f1: f64,
-    /// Precision by control step.
-    pub precision: f64,
-    /// Recall by control step.
-    pub recall: f64,
-    /// F1 pooled over key-time.
-    pub pooled_f1: f64,
-    /// Notes of the song that were played in time.
-    pub notes_right: usize,
-    /// Strokes that play no note of the song.
-    pub notes_wrong: usize,
-    /// F1 of notes, by their onsets.
-    pub onset_f1: f64,
-    /// Median of how late the right notes are, s; none without one.
-    pub onset_error_median_secs: Option<f64>,
+    /// Scores by control step and by note.
+    #[serde(flatten)]
+    pub scores: Scores,
     /// Fraction of control steps without a collision.
     pub collision_free: f64,
+}
+
+/// The scores of one world, or the mean of several.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct GridScores {
+    /// Notes of the song that were played in time.
+    pub notes_right: f64,
+    /// Strokes that play no note of the song.
+    pub notes_wrong: f64,
+    /// Median of how late the right notes are, s; none without one.
+    pub late_secs: Option<f64>,
+    /// F1 by control step.
+    pub f1: f64,
 }
 
 /// Mean F1 where one number is low, in the middle or high among the worlds, which are split in
@@ -83,34 +83,14 @@ pub struct GridReport {
     pub grid: GridConfig,
     /// Notes of the song.
     pub notes_due: usize,
-    /// Notes right in the nominal world.
-    pub nominal_notes_right: usize,
-    /// Mean of the notes right over the worlds.
-    pub mean_notes_right: f64,
-    /// Mean over the tenth of the worlds with the fewest notes right (at least one).
-    pub worst_decile_notes_right: f64,
-    /// Notes right in the world with the fewest.
-    pub worst_notes_right: usize,
-    /// Strokes that play no due note in the nominal world.
-    pub nominal_notes_wrong: usize,
-    /// Their mean over the worlds.
-    pub mean_notes_wrong: f64,
-    /// Their mean over the tenth of the worlds with the most (at least one).
-    pub worst_decile_notes_wrong: f64,
-    /// Those in the world with the most.
-    pub worst_notes_wrong: usize,
-    /// Median of how late the right notes are in the nominal world, s; none without one.
-    pub nominal_late_secs: Option<f64>,
-    /// Mean of these medians over the worlds with a right note, s.
-    pub mean_late_secs: Option<f64>,
-    /// F1 in the nominal world.
-    pub nominal_f1: f64,
-    /// Mean F1 over the worlds.
-    pub mean_f1: f64,
-    /// Mean F1 over the worst tenth of the worlds (at least one).
-    pub worst_decile_f1: f64,
-    /// F1 in the worst world.
-    pub worst_f1: f64,
+    /// In the nominal world.
+    pub nominal: GridScores,
+    /// Means over the worlds.
+    pub mean: GridScores,
+    /// Means over the tenth of the worlds (at least one) that is worst by each score.
+    pub worst_decile: GridScores,
+    /// The worst score of any world.
+    pub worst: GridScores,
     /// F1 by third of each number that varies; none for fewer than three worlds.
     pub marginals: Vec<Marginal>,
     /// Scores in each world, in the grid's order.
@@ -156,7 +136,7 @@ pub fn evaluate_grid(
                 return Ok(None);
             }
             let mut rig = SimRig::in_world(&task, &piece, params)?;
-            let scores = scores(&perform(&mut rig, &mut ready.clone(), &task, &piece, None, &never)?);
+            let scores = world_scores(&perform(&mut rig, &mut ready.clone(), &task, &piece, None, &never)?);
             if !watch(done.fetch_add(1, Ordering::Relaxed) + 1) {
                 stopped.store(true, Ordering::Relaxed);
             }
@@ -166,38 +146,43 @@ pub fn evaluate_grid(
     let played: Option<Vec<WorldScores>> = played.into_iter().collect();
     let Some(mut scores) = played.filter(|_| !stopped.load(Ordering::Relaxed)) else { return Ok(None) };
 
-    let nominal_scores = scores.remove(0);
+    let nominal = scores.remove(0).scores;
+    let nominal = GridScores {
+        notes_right: nominal.note.matched as f64,
+        notes_wrong: nominal.note.wrong as f64,
+        late_secs: nominal.note.onset_error_median_secs,
+        f1: nominal.frame.f1,
+    };
     let paths: Vec<String> = randomisation.paths().collect();
     let read = |params: &PhysicalParams| paths.iter().map(|path| params.get(path)).collect();
     let mut values =
         worlds.iter().map(read).collect::<Result<Vec<Vec<f64>>, _>>().map_err(TaskError::from)?;
     let middle = values.remove(0);
-    let f1: Vec<f64> = scores.iter().map(|scores| scores.f1).collect();
+    let all = |score: fn(&Scores) -> f64| scores.iter().map(move |world| score(&world.scores));
+    let f1: Vec<f64> = all(|scores| scores.frame.f1).collect();
     let sorted_f1 = sorted(f1.iter().copied());
-    let right = sorted(scores.iter().map(|scores| scores.notes_right as f64));
-    let mut wrong = sorted(scores.iter().map(|scores| scores.notes_wrong as f64));
+    let right = sorted(all(|scores| scores.note.matched as f64));
+    let mut wrong = sorted(all(|scores| scores.note.wrong as f64));
     wrong.reverse();
-    let late: Vec<f64> = scores.iter().filter_map(|scores| scores.onset_error_median_secs).collect();
-    let worst_tenth = |sorted: &[f64]| mean(&sorted[..sorted.len().div_ceil(10)]);
+    // Without worlds there is the nominal one alone.
+    let worst = |count: usize| match f1.len().min(count) {
+        0 => nominal,
+        count => {
+            let [notes_right, notes_wrong, f1] = [&right, &wrong, &sorted_f1].map(|all| mean(&all[..count]));
+            GridScores { notes_right, notes_wrong, late_secs: None, f1 }
+        }
+    };
+    let late: Vec<f64> =
+        scores.iter().filter_map(|world| world.scores.note.onset_error_median_secs).collect();
     Ok(Some(GridReport {
         song: song.title().to_string(),
         player: pianist.name(),
         grid: *grid,
         notes_due: piece.notes().len(),
-        nominal_notes_right: nominal_scores.notes_right,
-        mean_notes_right: mean(&right),
-        worst_decile_notes_right: worst_tenth(&right),
-        worst_notes_right: right.first().map_or(nominal_scores.notes_right, |right| *right as usize),
-        nominal_notes_wrong: nominal_scores.notes_wrong,
-        mean_notes_wrong: mean(&wrong),
-        worst_decile_notes_wrong: worst_tenth(&wrong),
-        worst_notes_wrong: wrong.first().map_or(nominal_scores.notes_wrong, |wrong| *wrong as usize),
-        nominal_late_secs: nominal_scores.onset_error_median_secs,
-        mean_late_secs: (!late.is_empty()).then(|| mean(&late)),
-        nominal_f1: nominal_scores.f1,
-        mean_f1: mean(&f1),
-        worst_decile_f1: worst_tenth(&sorted_f1),
-        worst_f1: sorted_f1.first().copied().unwrap_or(nominal_scores.f1),
+        nominal,
+        mean: GridScores { late_secs: (!late.is_empty()).then(|| mean(&late)), ..worst(f1.len()) },
+        worst_decile: worst(f1.len().div_ceil(10)),
+        worst: worst(1),
         marginals: marginals(&paths, &middle, &values, &f1),
         scores,
         values,
@@ -206,19 +191,9 @@ pub fn evaluate_grid(
     }))
 }
 
-fn scores(performance: &Performance) -> WorldScores {
-    let Scores { frame, note } = performance.scores();
-    WorldScores {
-        f1: frame.f1,
-        precision: frame.precision,
-        recall: frame.recall,
-        pooled_f1: frame.pooled_f1,
-        notes_right: note.matched,
-        notes_wrong: note.wrong,
-        onset_f1: note.onset_f1,
-        onset_error_median_secs: note.onset_error_median_secs,
-        collision_free: performance.simulation.unwrap_or_default().collision_free,
-    }
+fn world_scores(performance: &Performance) -> WorldScores {
+    let collision_free = performance.simulation.unwrap_or_default().collision_free;
+    WorldScores { scores: performance.scores(), collision_free }
 }
 
 fn marginals(paths: &[String], nominal: &[f64], values: &[Vec<f64>], f1: &[f64]) -> Vec<Marginal> {
@@ -255,10 +230,11 @@ impl GridReport {
         );
         let player = quoted(&self.player);
         text.extend(self.paths.iter().map(|path| format!(",{path}")));
-        for (index, (scores, values)) in self.scores.iter().zip(&self.values).enumerate() {
-            let &WorldScores { f1, precision, recall, pooled_f1, onset_f1, collision_free, .. } = scores;
-            let [right, wrong] = [scores.notes_right, scores.notes_wrong].map(|count| count as f64);
-            let scores = [f1, precision, recall, pooled_f1, right, wrong, onset_f1, collision_free];
+        for (index, (world, values)) in self.scores.iter().zip(&self.values).enumerate() {
+            let Scores { frame, note } = &world.scores;
+            let [right, wrong] = [note.matched, note.wrong].map(|count| count as f64);
+            let by_step = [frame.f1, frame.precision, frame.recall, frame.pooled_f1];
+            let scores = [by_step, [right, wrong, note.onset_f1, world.collision_free]].concat();
             text.push_str(&format!("\n{index},{player}"));
             text.extend(scores.iter().chain(values).map(|value| format!(",{value}")));
         }
@@ -317,26 +293,26 @@ mod tests {
         }
         assert_ne!(on_threads(2, &pianist(&[]), &GridConfig { seed: 1, ..grid }).scores, one.scores);
         assert_eq!((one.scores.len(), one.marginals.len(), one.paths.len()), (11, 31, 31));
-        let wrong: Vec<usize> = one.scores.iter().map(|scores| scores.notes_wrong).collect();
-        assert_eq!(Some(&one.worst_notes_wrong), wrong.iter().max());
-        assert!((wrong.iter().sum::<usize>() as f64 / 11.0 - one.mean_notes_wrong).abs() < 1e-12);
+        let wrong: Vec<usize> = one.scores.iter().map(|scores| scores.scores.note.wrong).collect();
+        assert_eq!(one.worst.notes_wrong, *wrong.iter().max().unwrap() as f64);
+        assert!((wrong.iter().sum::<usize>() as f64 / 11.0 - one.mean.notes_wrong).abs() < 1e-12);
         // The means are those of the scores: two worlds are the worst tenth of eleven.
-        let mut f1: Vec<f64> = one.scores.iter().map(|scores| scores.f1).collect();
-        assert!((f1.iter().sum::<f64>() / 11.0 - one.mean_f1).abs() < 1e-12);
+        let mut f1: Vec<f64> = one.scores.iter().map(|scores| scores.scores.frame.f1).collect();
+        assert!((f1.iter().sum::<f64>() / 11.0 - one.mean.f1).abs() < 1e-12);
         f1.sort_by(f64::total_cmp);
-        assert!(((f1[0] + f1[1]) / 2.0 - one.worst_decile_f1).abs() < 1e-12 && f1[0] == one.worst_f1);
-        assert!(one.nominal_f1 > one.worst_decile_f1, "{one:?}");
+        assert!(((f1[0] + f1[1]) / 2.0 - one.worst_decile.f1).abs() < 1e-12 && f1[0] == one.worst.f1);
+        assert!(one.nominal.f1 > one.worst_decile.f1, "{one:?}");
         let of_thirds: f64 = one.marginals[3].f1.iter().zip([3.0, 4.0, 4.0]).map(|(f1, n)| f1 * n).sum();
-        assert!((of_thirds / 11.0 - one.mean_f1).abs() < 1e-12, "each world is in one third");
+        assert!((of_thirds / 11.0 - one.mean.f1).abs() < 1e-12, "each world is in one third");
     }
 
     #[test]
     fn without_intensity_every_world_is_the_nominal_one() {
         let report = on_threads(2, &pianist(&[]), &GridConfig { worlds: 3, intensity: 0.0, seed: 0 });
-        assert!(report.scores.iter().all(|scores| scores.f1 == report.nominal_f1));
-        assert_eq!((report.mean_f1, report.worst_f1), (report.nominal_f1, report.nominal_f1));
+        assert!(report.scores.iter().all(|scores| scores.scores.frame.f1 == report.nominal.f1));
+        assert_eq!((report.mean.f1, report.worst.f1), (report.nominal.f1, report.nominal.f1));
         let report = on_threads(2, &pianist(&[]), &GridConfig { worlds: 0, intensity: 0.5, seed: 0 });
-        assert!(report.marginals.is_empty() && report.worst_f1 == report.nominal_f1);
+        assert!(report.marginals.is_empty() && report.worst.f1 == report.nominal.f1);
     }
 
     #[test]
@@ -353,7 +329,10 @@ mod tests {
         let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
         assert_eq!((rows.len(), *rows[0].last().unwrap()), (13, "key.threshold"));
         for (row, (scores, values)) in rows[1..].iter().zip(report.scores.iter().zip(&report.values)) {
-            assert_eq!((row[2].parse(), row.last().unwrap().parse()), (Ok(scores.f1), Ok(values[0])));
+            assert_eq!(
+                (row[2].parse(), row.last().unwrap().parse()),
+                (Ok(scores.scores.frame.f1), Ok(values[0]))
+            );
         }
     }
 

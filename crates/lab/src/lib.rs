@@ -38,7 +38,7 @@ pub use doctor::{Finding, examine};
 pub use errors::{Interrupted, released};
 pub use excitations::record_excitations;
 pub use folder::{CONFIG, META, SONG, make_folder, player_slug, slug};
-pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
+pub use grid::{GridConfig, GridReport, GridScores, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
 pub use pianist::{Pianist, load_pianist};
 pub use play::{Files, PAGE, PlayReport, RECORDING, REPORT, play, scores_in_simulation};

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use clap::ValueHint;
-use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
+use etude_lab::{GridConfig, GridReport, GridScores, evaluate_grid, find_song};
 
 use crate::args::{self, PianistArgs};
 use crate::output::{Ending, line, note, print_json};
@@ -46,9 +46,8 @@ pub struct Args {
     /// player is chosen
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print JSON: notes_due; notes_right, notes_wrong and f1, each of the nominal world, mean,
-    /// worst_decile and worst; nominal_late_secs, mean_late_secs, marginals (path, range, f1 by
-    /// thirds), scores, csv
+    /// Print JSON: notes_due; nominal, mean, worst_decile and worst, of each notes_right,
+    /// notes_wrong, late_secs and f1; marginals (path, range, f1 by thirds), scores, csv
     #[arg(long)]
     json: bool,
 }
@@ -89,21 +88,13 @@ fn print(report: &GridReport) -> anyhow::Result<()> {
         report.song, report.player, report.grid.worlds, report.grid.intensity
     ))?;
     line(format!("{:16} {:>16} {:>7} {:>8} {:>8}", "", "notes right", "wrong", "late", "F1"))?;
-    let (nominal_right, nominal_wrong) =
-        (report.nominal_notes_right as f64, report.nominal_notes_wrong as f64);
-    let (worst_right, worst_wrong) = (report.worst_notes_right as f64, report.worst_notes_wrong as f64);
-    for (name, right, wrong, late, f1) in [
-        ("nominal world", nominal_right, nominal_wrong, report.nominal_late_secs, report.nominal_f1),
-        ("mean", report.mean_notes_right, report.mean_notes_wrong, report.mean_late_secs, report.mean_f1),
-        (
-            "worst tenth",
-            report.worst_decile_notes_right,
-            report.worst_decile_notes_wrong,
-            None,
-            report.worst_decile_f1,
-        ),
-        ("worst world", worst_right, worst_wrong, None, report.worst_f1),
+    for (name, scores) in [
+        ("nominal world", report.nominal),
+        ("mean", report.mean),
+        ("worst tenth", report.worst_decile),
+        ("worst world", report.worst),
     ] {
+        let GridScores { notes_right: right, notes_wrong: wrong, late_secs: late, f1 } = scores;
         let notes = format!("{right:.1} of {}", report.notes_due);
         let late = late.map_or_else(String::new, |secs| format!("{:+.0} ms", 1e3 * secs));
         line(format!("{name:16} {notes:>16} {wrong:>7.1} {late:>8} {f1:>8.3}"))?;
