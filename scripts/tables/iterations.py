@@ -125,7 +125,7 @@ def adapt(options):
                 continue
         first, adapted = report["iterations"][0], report["adapted"]
         before, best = adapted["adapting"][1], adapted["adapting"][adapted["best"]]
-        three = [(first, first["robot_f1"]), (before, before["f1"]), (adapted, adapted["robot_f1"])]
+        three = [(first, first["robot_f1"]), (before, before["robot_f1"]), (adapted, adapted["robot_f1"])]
         mrad, mm = (
             f"{1e3 * before[key]:.{digits}f} → {1e3 * best[key]:.{digits}f}"
             for key, digits in (("fingers_missed_rad", 0), ("rail_missed_m", 1))

@@ -48,7 +48,9 @@ pub use rehearse::{
     Iteration, RehearsalConfig, RehearsalStep, best_iteration, rehearse_on_robot, set_latency_compensation,
 };
 pub use results::{LATEST, all_results, is_other_result, latest_result, numbered};
-pub use robot::{MeanNotes, RobotPlay, RobotReport, RobotRun, RobotStep, play_on_robot, run_file};
+pub use robot::{
+    MeanNotes, RobotPlay, RobotReport, RobotRun, RobotScores, RobotStep, play_on_robot, run_file,
+};
 pub use run::{Run, find_song};
 pub use song_planner::SongPlanner;
 pub use training_progress::TrainingProgress;

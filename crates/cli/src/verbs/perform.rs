@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use etude_lab::{
-    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotStep, find_song, play_on_robot,
+    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotRun, RobotStep, find_song, play_on_robot,
     set_latency_compensation,
 };
 use etude_music::KeyScheduleRule;
@@ -126,11 +126,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
         match step {
             RobotStep::LagMeasured { run, latency_compensation_secs } => {
-                note(lag_measured(&NoteCounts::from(&run.scores.note), *latency_compensation_secs));
+                note(lag_measured(run, *latency_compensation_secs));
             }
             RobotStep::RunEnded { index, run } => {
-                let notes = NoteCounts::from(&run.scores.note);
-                note(format!("run {}: {notes}, F1 {:.3}, {}", index + 1, run.scores.frame.f1, run.ending));
+                note(format!("run {}: {}, {}", index + 1, run_summary(run), run.ending));
             }
         }
     };
@@ -204,8 +203,14 @@ fn with_faults(rig: RigChoice, faults: &[OrderedFault]) -> anyhow::Result<RigCho
     }
 }
 
+/// Notes and F1 of a run.
+pub(super) fn run_summary(run: &RobotRun) -> String {
+    format!("{}, F1 {:.3}", NoteCounts::from(&run.scores.note), run.scores.frame.f1)
+}
+
 /// The result of the run that measures the lag of a robot's notes.
-pub(super) fn lag_measured(notes: &NoteCounts, latency_compensation_secs: Option<f64>) -> String {
+pub(super) fn lag_measured(run: &RobotRun, latency_compensation_secs: Option<f64>) -> String {
+    let notes = NoteCounts::from(&run.scores.note);
     let found = latency_compensation_secs
         .map_or("no note is right without the lag, so it is unchanged".to_string(), |secs| {
             format!("{:.0} ms from now on", secs * 1e3)
@@ -222,6 +227,7 @@ fn f1_name(rule: KeyScheduleRule) -> &'static str {
 }
 
 fn print(report: &RobotReport, f1_name: &str) -> anyhow::Result<()> {
+    let scores = &report.scores;
     line(format!(
         "{} played by {} on {}{}, {}",
         report.song,
@@ -241,34 +247,34 @@ fn print(report: &RobotReport, f1_name: &str) -> anyhow::Result<()> {
     for (index, run) in report.runs.iter().enumerate() {
         line(format!("run {}: {}", index + 1, note_summary(&run.scores.note)))?;
     }
-    if let Some(lag) = report.lag_secs {
-        let MeanNotes { onset_f1, onset_f1_without_lag: aligned, .. } = report.notes;
+    if let Some(lag) = scores.lag_secs {
+        let MeanNotes { onset_f1, onset_f1_without_lag: aligned, .. } = scores.notes;
         // No advice if the lag does not lower the score.
-        let advice = report.better_latency_compensation_secs().filter(|_| aligned > onset_f1);
+        let advice = scores.better_latency_compensation_secs().filter(|_| aligned > onset_f1);
         let advice = advice.map_or_else(String::new, |secs| {
             format!("; on time with --set task.plan.latency_compensation_secs={secs:.3}")
         });
         line(format!(
             "Onset F1 {onset_f1:.3}, aligned by the median lag {aligned:.3}; lag {:+.0} ms; latency compensation {:.0} ms{advice}",
             lag * 1e3,
-            report.latency_compensation_secs * 1e3,
+            scores.latency_compensation_secs * 1e3,
         ))?;
     }
     line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;
-    line(format!("{:22} {:>9} {:>9} {:>9.3}", "simulation alone", "", "", report.sim_f1))?;
+    line(format!("{:22} {:>9} {:>9} {:>9.3}", "simulation alone", "", "", scores.sim_f1))?;
     for (index, run) in report.runs.iter().enumerate() {
         let frame = &run.scores.frame;
         let name = format!("{}, run {}", report.robot, index + 1);
         line(format!("{name:22} {:>9.3} {:>9.3} {:>9.3}", frame.precision, frame.recall, frame.f1))?;
     }
     let spread =
-        if report.runs.len() > 1 { format!(" ± {:.3}", report.robot_f1_std) } else { String::new() };
+        if report.runs.len() > 1 { format!(" ± {:.3}", scores.robot_f1_std) } else { String::new() };
     line(format!(
         "{f1_name} {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.1} %",
-        report.sim_f1,
-        report.robot_f1,
+        scores.sim_f1,
+        scores.robot_f1,
         report.robot,
-        100.0 * report.gap
+        100.0 * scores.gap
     ))?;
     for run in &report.runs {
         let times = &run.timing;

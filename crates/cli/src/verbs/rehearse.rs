@@ -5,16 +5,16 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
-    AdaptConfig, AdaptStep, Adapted, IdentifyMethod, Iteration, RehearsalConfig, RehearsalStep, SIGHT_READER,
-    adapt_on_robot, adapted_before, best_iteration, find_song, policy_called, rehearse_on_robot,
-    shipped_policy,
+    AdaptConfig, AdaptStep, Adapted, IdentifyMethod, Iteration, RehearsalConfig, RehearsalStep, RobotRun,
+    RobotStep, SIGHT_READER, adapt_on_robot, adapted_before, best_iteration, find_song, policy_called,
+    rehearse_on_robot, shipped_policy,
 };
 use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Job, Mode, shell_word};
 use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
 use super::identify::fit_progress;
-use super::perform::lag_measured;
+use super::perform::{lag_measured, run_summary};
 use crate::args::{self, slug};
 use crate::output::{Ending, line, print_json};
 use crate::progress::stop_flag;
@@ -91,10 +91,6 @@ pub struct Args {
     /// preset
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Keep the replay buffers of the trainings (some 100 MB an iteration), so that `etude train
-    /// --resume` can continue one
-    #[arg(long)]
-    keep_replay: bool,
     /// Print only one JSON array at the end: the iterations. The best one has the highest mean
     /// of robot_f1 and onset_f1. With --adapt, now or before, an object: iterations and adapted
     #[arg(long)]
@@ -131,7 +127,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         evaluations: args.evaluations,
         seed: args.seed,
         threads: None,
-        keep_replay: args.keep_replay,
     };
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);
@@ -184,7 +179,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     page.checked()?;
     line(format!("Read and listen: {}", folder.join(REHEARSAL_PAGE).display()))?;
     if let Some(best) = best {
-        let adapted = adapted.filter(|adapted| adapted.is_better_than(best));
+        let adapted = adapted.filter(|adapted| adapted.scores.overall() > best.scores.overall());
         if adapted.is_none() && best.iteration + 1 < iterations.len() {
             line(format!("Iteration {} played best, not the last one: use its policy", best.iteration))?;
         }
@@ -200,7 +195,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 "--mode {} --policy {} --set task.plan.latency_compensation_secs={:.3}",
                 config.mode,
                 shell_word(best.policy.display()),
-                best.latency_compensation_secs
+                best.scores.latency_compensation_secs
             ),
         };
         line(format!(
@@ -234,22 +229,19 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
                 at.step as f64 / at.total as f64,
             );
         }
-        RehearsalStep::Performed { iteration, run, notes, f1 } => {
-            let played = run + 1;
-            let state = format!(", {played} of {} runs played, {notes}, F1 {f1:.3}", config.runs);
-            status.part(&part(*iteration, "playing"), &state, played as f64 / config.runs as f64);
+        RehearsalStep::Playing(iteration, RobotStep::RunEnded { index, run }) => {
+            show_run(status, &part(*iteration, "playing"), index + 1, config.runs, run);
         }
-        RehearsalStep::LagMeasured { iteration, notes, latency_compensation_secs } => {
-            status
-                .done(&format!("iteration {iteration}: {}", lag_measured(notes, *latency_compensation_secs)));
+        RehearsalStep::Playing(iteration, RobotStep::LagMeasured { run, latency_compensation_secs }) => {
+            status.done(&format!("iteration {iteration}: {}", lag_measured(run, *latency_compensation_secs)));
         }
         RehearsalStep::Iteration(iteration) => status.done(&format!(
             "iteration {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",
             iteration.iteration,
-            iteration.notes,
-            iteration.sim_f1,
-            iteration.robot_f1,
-            100.0 * iteration.gap
+            iteration.scores.notes,
+            iteration.scores.sim_f1,
+            iteration.scores.robot_f1,
+            100.0 * iteration.scores.gap
         )),
     }
 }
@@ -275,19 +267,25 @@ fn show_adapting(status: &mut Status, step: &AdaptStep, runs: usize) {
             &format!(
                 ", run {} of at most {most}, {}, F1 {:.3}; joint error: fingers {:.0} mrad, rail {:.1} mm",
                 index + 1,
-                run.notes,
-                run.f1,
+                run.scores.notes,
+                run.scores.robot_f1,
                 run.fingers_missed_rad * 1e3,
                 run.rail_missed_m * 1e3
             ),
             (index + 1) as f64 / *most as f64,
         ),
-        AdaptStep::Performed { run, notes, f1 } => status.part(
-            "adapted",
-            &format!(", {} of {runs} runs played, {notes}, F1 {f1:.3}", run + 1),
-            (run + 1) as f64 / runs as f64,
-        ),
+        AdaptStep::Performing(RobotStep::RunEnded { index, run }) => {
+            show_run(status, "adapted", index + 1, runs, run);
+        }
+        // The lag is known by then.
+        AdaptStep::Performing(RobotStep::LagMeasured { .. }) => {}
     }
+}
+
+/// Shows a run that has ended, of so many.
+fn show_run(status: &mut Status, phase: &str, played: usize, runs: usize, run: &RobotRun) {
+    let state = format!(", {played} of {runs} runs played, {}", run_summary(run));
+    status.part(phase, &state, played as f64 / runs as f64);
 }
 
 fn print_adapted(adapted: &Adapted) -> anyhow::Result<()> {
@@ -297,7 +295,7 @@ fn print_adapted(adapted: &Adapted) -> anyhow::Result<()> {
     };
     line(format!(
         "adapted: {}, F1 {:.3} ± {:.3} in {}, {by}",
-        adapted.notes, adapted.robot_f1, adapted.robot_f1_std, adapted.mode
+        adapted.scores.notes, adapted.scores.robot_f1, adapted.scores.robot_f1_std, adapted.mode
     ))
 }
 
@@ -313,18 +311,19 @@ fn print(iterations: &[Iteration], mode: Mode) -> anyhow::Result<()> {
         "gap"
     ))?;
     for iteration in iterations {
+        let scores = &iteration.scores;
         let held_out = iteration
             .held_out_rad
             .map_or_else(String::new, |[before, after]| format!("{:.2} → {:.2}", before * 1e3, after * 1e3));
         line(format!(
             "{:<8}{:>14}{:>8.1}{:>8}{:>16.3}{:>16}{:>8}   {held_out}",
             iteration.iteration,
-            format!("{:.1} of {}", iteration.notes.notes_right, iteration.notes.notes_due),
-            iteration.notes.notes_wrong,
-            iteration.lag_secs.map_or_else(String::new, |lag| format!("{:+.0} ms", lag * 1e3)),
-            iteration.sim_f1,
-            format!("{:.3} ± {:.3}", iteration.robot_f1, iteration.robot_f1_std),
-            format!("{:.1} %", 100.0 * iteration.gap)
+            format!("{:.1} of {}", scores.notes.notes_right, scores.notes.notes_due),
+            scores.notes.notes_wrong,
+            scores.lag_secs.map_or_else(String::new, |lag| format!("{:+.0} ms", lag * 1e3)),
+            scores.sim_f1,
+            format!("{:.3} ± {:.3}", scores.robot_f1, scores.robot_f1_std),
+            format!("{:.1} %", 100.0 * scores.gap)
         ))?;
     }
     Ok(())

@@ -256,7 +256,7 @@ impl RunningTrial<'_, '_> {
                 let is_complete = played.steps[0] == played.steps[1];
                 let lag = note.lag_secs.map(|lag| ("lag_secs", lag));
                 let of_twin = [
-                    ("latency_compensation_secs", report.latency_compensation_secs),
+                    ("latency_compensation_secs", report.scores.latency_compensation_secs),
                     ("f1", frame.f1),
                     ("precision", frame.precision),
                     ("recall", frame.recall),

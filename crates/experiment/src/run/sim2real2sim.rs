@@ -10,7 +10,7 @@ use etude_lab::{
     record_excitations, rehearse_on_robot,
 };
 use etude_perform::session::{TWIN, rig_choice};
-use etude_perform::{Excitation, Job, Mode, gap};
+use etude_perform::{Excitation, Job, Mode};
 use etude_show::RehearsalPage;
 
 use super::{RunningTrial, SEED_STRIDE, result_row};
@@ -49,7 +49,6 @@ impl RunningTrial<'_, '_> {
             evaluations,
             seed: training.resolve()?.trainer.seed,
             threads: Some(self.threads),
-            keep_replay: false,
         };
         let (folder, interrupt) = (self.folder.join("rehearsal"), self.job.interrupt());
         let parts = (iterations + 1) as f64;
@@ -70,12 +69,13 @@ impl RunningTrial<'_, '_> {
         let iterations = rehearse_on_robot(&song, &rig, &config, &folder, &mut job)?;
         page.checked()?;
         let rows = iterations.iter().map(|iteration| {
+            let scores = &iteration.scores;
             let mut values = vec![
-                ("sim_f1", iteration.sim_f1),
-                ("f1", iteration.robot_f1),
-                ("onset_f1", iteration.notes.onset_f1),
-                ("onset_f1_without_lag", iteration.notes.onset_f1_without_lag),
-                ("gap", gap(iteration.sim_f1, iteration.robot_f1)),
+                ("sim_f1", scores.sim_f1),
+                ("f1", scores.robot_f1),
+                ("onset_f1", scores.notes.onset_f1),
+                ("onset_f1_without_lag", scores.notes.onset_f1_without_lag),
+                ("gap", scores.gap),
             ];
             if let Some([before, after]) = iteration.held_out_rad {
                 values.extend([("held_out_before", before), ("held_out_after", after)]);

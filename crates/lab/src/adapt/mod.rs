@@ -23,7 +23,7 @@ use anyhow::bail;
 use etude_music::Song;
 use etude_perform::session::RigChoice;
 use etude_perform::stats::mean;
-use etude_perform::{Job, Mode, NoteCounts};
+use etude_perform::{Job, Mode};
 use etude_stage::RAIL;
 use serde::{Deserialize, Serialize};
 
@@ -32,11 +32,8 @@ use crate::folder::make_folder;
 use crate::json_files::{load, save};
 use crate::pianist::{Pianist, load_pianist};
 use crate::play::REFERENCE;
-use crate::rehearse::Iteration;
 use crate::results::latest_result;
-use crate::robot::{
-    MeanNotes, RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot, robot_score, run_file,
-};
+use crate::robot::{RobotPlay, RobotReport, RobotScores, RobotStep, all_complete, play_on_robot, run_file};
 use crate::song_planner::SongPlanner;
 use corrections::{MEASURING, Notes, RunCorrections};
 
@@ -46,7 +43,7 @@ const RESULT: &str = "result.json";
 const CONFIG: &str = "adaptation.json";
 /// Version of the files, and of what is learned from a run. An adaptation is not continued by
 /// another one.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// An adaptation ends earlier if this many runs in a row were not better than the best before.
 const MAX_RUNS_WITHOUT_GAIN: usize = 8;
 
@@ -77,13 +74,9 @@ struct ConfigFile {
 /// The result of one run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AdaptRun {
-    /// Its notes.
+    /// Its scores.
     #[serde(flatten)]
-    pub notes: MeanNotes,
-    /// F1 on the robot.
-    pub f1: f64,
-    /// How late the notes were, s.
-    pub lag_secs: Option<f64>,
+    pub scores: RobotScores,
     /// What the finger joints missed of their path, moved by the key corrections, root mean square,
     /// rad.
     pub fingers_missed_rad: f64,
@@ -108,28 +101,13 @@ pub struct Adapted {
     pub adapting: Vec<AdaptRun>,
     /// Which of them was the best with those beside it, from 0.
     pub best: usize,
-    /// Notes of the performances with its correction.
+    /// Scores of the performances with its correction.
     #[serde(flatten)]
-    pub notes: MeanNotes,
-    /// Their mean F1.
-    pub robot_f1: f64,
-    /// Its standard deviation.
-    pub robot_f1_std: f64,
-    /// How late their notes were, s.
-    pub lag_secs: Option<f64>,
-    /// The latency compensation, s.
-    pub latency_compensation_secs: f64,
+    pub scores: RobotScores,
     /// The mode.
     pub mode: Mode,
     /// The correction, for `etude perform --correction`.
     pub correction: PathBuf,
-}
-
-impl Adapted {
-    /// Whether it plays better on the robot than this iteration, by the mean of F1 and onset F1.
-    pub fn is_better_than(&self, iteration: &Iteration) -> bool {
-        robot_score(self.robot_f1, &self.notes) > iteration.score()
-    }
 }
 
 /// What an adaptation reports.
@@ -138,14 +116,7 @@ pub enum AdaptStep {
     /// A run while learning; its number from 0, and the most that there will be.
     Adapting(usize, usize, AdaptRun),
     /// A run of the performances with the best correction.
-    Performed {
-        /// The run, from 0.
-        run: usize,
-        /// Its notes.
-        notes: NoteCounts,
-        /// Its F1.
-        f1: f64,
-    },
+    Performing(RobotStep),
 }
 
 /// Adapts the playing of `song` to a robot, in `folder`, or resumes there.
@@ -200,19 +171,13 @@ impl Adaptation<'_> {
         let now =
             ConfigFile { version: VERSION, config: self.config.clone(), only_for: self.only_for.clone() };
         if let Some(before) = load::<ConfigFile>(&file)? {
-            if before.version != VERSION {
-                bail!(
-                    "{} was made by another version of Étude: remove it, and learning begins from the start",
-                    self.folder.display()
-                );
-            }
             // The minutes may change, and then the result is another.
             let has_other_minutes = before.config.minutes != self.config.minutes;
             let config = AdaptConfig { minutes: self.config.minutes, ..before.config.clone() };
             if (ConfigFile { config, ..before }) != now {
                 bail!(
-                    "{} holds the adaptation of another policy, song, robot or mode, or another number of runs or seed: remove \
-                     it, and learning begins from the start",
+                    "{} holds the adaptation of another policy, song, robot or mode, another number of runs or seed, or another \
+                     version of Étude: remove it, and learning begins from the start",
                     self.folder.display()
                 );
             }
@@ -261,7 +226,9 @@ impl Adaptation<'_> {
         planner: &mut SongPlanner<'_>,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<StoredRun> {
-        let report = self.play(played, (1, 1000 + index as u64), folder, |_| None, planner, job)?;
+        let seed = 1000 + index as u64;
+        let report =
+            self.play(played, (1, seed), folder, planner, &mut Job::new(&mut |_| {}, job.interrupt()))?;
         // There are many runs. `etude replay` makes the sound again from a recording.
         for sound in [run_file(0, "wav"), REFERENCE.to_string()] {
             // If it cannot be removed, it only takes up space.
@@ -270,17 +237,15 @@ impl Adaptation<'_> {
         let run = &report.runs[0];
         let notes = Notes {
             strokes: &run.strokes,
-            latency_compensation_secs: report.latency_compensation_secs,
-            on_time_secs: report.on_time_compensation_secs(),
+            latency_compensation_secs: report.scores.latency_compensation_secs,
+            on_time_secs: report.scores.on_time_compensation_secs(),
         };
         let next = played.after(index, &run.tracking, &notes, self.pianist.config.task.stage.side);
         let late_secs = played.delays.or(next.delays).map_or(0.0, |delays| delays.late_secs);
         let tracking = run.tracking.clone().asked_for(&played.key_offsets);
         let squares: f64 = (0..RAIL).map(|joint| tracking.error(joint, late_secs).powi(2)).sum();
         let run = AdaptRun {
-            notes: report.notes,
-            f1: report.robot_f1,
-            lag_secs: report.lag_secs,
+            scores: report.scores,
             fingers_missed_rad: (squares / RAIL as f64).sqrt(),
             rail_missed_m: tracking.error(RAIL, late_secs),
             clamped: run.clamped,
@@ -300,23 +265,16 @@ impl Adaptation<'_> {
         let best = best(runs);
         let (played, _) = &runs[best];
         let correction = self.keep(played)?;
-        let performed = |step: &RobotStep| match step {
-            RobotStep::LagMeasured { .. } => None,
-            RobotStep::RunEnded { index, run } => {
-                let notes = NoteCounts::from(&run.scores.note);
-                Some(AdaptStep::Performed { run: *index, notes, f1: run.scores.frame.f1 })
-            }
-        };
         let folder = self.folder.join("performance");
-        let report = self.play(played, (self.config.runs, 0), &folder, performed, planner, job)?;
+        let runs_and_seed = (self.config.runs, 0);
+        let report = job.part(
+            |step: &RobotStep| AdaptStep::Performing(step.clone()),
+            |job| self.play(played, runs_and_seed, &folder, planner, job),
+        )?;
         let done = Adapted {
             adapting: runs.iter().map(|(_, run)| *run).collect(),
             best,
-            notes: report.notes,
-            robot_f1: report.robot_f1,
-            robot_f1_std: report.robot_f1_std,
-            lag_secs: report.lag_secs,
-            latency_compensation_secs: report.latency_compensation_secs,
+            scores: report.scores,
             mode: report.mode,
             correction,
         };
@@ -350,9 +308,8 @@ impl Adaptation<'_> {
         played: &RunCorrections,
         (runs, seed): (usize, u64),
         folder: &Path,
-        to_step: fn(&RobotStep) -> Option<AdaptStep>,
         planner: &mut SongPlanner<'_>,
-        job: &mut Job<'_, AdaptStep>,
+        job: &mut Job<'_, RobotStep>,
     ) -> anyhow::Result<RobotReport> {
         let mut pianist = self.pianist.clone();
         pianist.config.task.key_schedule.latency_compensation_secs = self.latency_compensation_secs(played);
@@ -368,14 +325,7 @@ impl Adaptation<'_> {
             correction: Some(played.added()),
             font: None,
         };
-        let interrupt = job.interrupt();
-        let mut on_progress = |step: &RobotStep| {
-            if let Some(step) = to_step(step) {
-                job.report(&step);
-            }
-        };
-        let mut playing = Job::new(&mut on_progress, interrupt);
-        let report = play_on_robot(&play, Some(folder), planner, &mut playing);
+        let report = play_on_robot(&play, Some(folder), planner, job);
         all_complete(report, job.is_interrupted(), "adapting")
     }
 }
@@ -383,7 +333,7 @@ impl Adaptation<'_> {
 /// The best run, the earlier one of equals. The score of one run is noisy, so a run is rated by the
 /// mean of its score and those beside it.
 fn best(runs: &[(RunCorrections, AdaptRun)]) -> usize {
-    let scores: Vec<f64> = runs.iter().map(|(_, run)| robot_score(run.f1, &run.notes)).collect();
+    let scores: Vec<f64> = runs.iter().map(|(_, run)| run.scores.overall()).collect();
     let rated: Vec<f64> = (0..scores.len())
         .map(|index| mean(&scores[index.saturating_sub(1)..scores.len().min(index + 2)]))
         .collect();

@@ -6,7 +6,7 @@ use etude_perform::Mode;
 use serde::{Deserialize, Serialize};
 
 use crate::identify::IdentifyMethod;
-use crate::robot::{MeanNotes, robot_score};
+use crate::robot::RobotScores;
 
 /// Whether these overrides, `path=value`, set the latency compensation. Else it is measured on the
 /// robot.
@@ -49,10 +49,6 @@ pub struct RehearsalConfig {
     /// rehearsal may be resumed with another number.
     #[serde(skip)]
     pub threads: Option<usize>,
-    /// Whether the replay buffers of the trainings are kept, so that a training can be resumed with
-    /// more steps.
-    #[serde(skip)]
-    pub keep_replay: bool,
 }
 
 /// The result of one iteration.
@@ -60,21 +56,9 @@ pub struct RehearsalConfig {
 pub struct Iteration {
     /// Its number; 0 is before any identification.
     pub iteration: usize,
-    /// Notes on the robot.
+    /// The scores. Each iteration first plays once to measure the latency compensation.
     #[serde(flatten)]
-    pub notes: MeanNotes,
-    /// The latency compensation, s. Each iteration first plays once to measure it.
-    pub latency_compensation_secs: f64,
-    /// How late the notes were on the robot, s.
-    pub lag_secs: Option<f64>,
-    /// F1 of the policy in the simulator that it was trained in.
-    pub sim_f1: f64,
-    /// Mean F1 on the robot.
-    pub robot_f1: f64,
-    /// Its standard deviation.
-    pub robot_f1_std: f64,
-    /// The share of `sim_f1` that is lost on the robot.
-    pub gap: f64,
+    pub scores: RobotScores,
     /// Errors of the simulator in the held-out excitation, finger joints, rad: before the fit and
     /// after.
     pub held_out_rad: Option<[f64; 2]>,
@@ -86,37 +70,29 @@ pub struct Iteration {
     pub physics: std::collections::BTreeMap<String, f64>,
 }
 
-impl Iteration {
-    /// The score by which iterations are compared: the mean of F1 and onset F1 on the robot.
-    pub(crate) fn score(&self) -> f64 {
-        robot_score(self.robot_f1, &self.notes)
-    }
-}
-
 /// The iteration that has played best on the robot, by the mean of F1 and onset F1; the earlier one
 /// of equals. The next iteration begins with its policy: a training that made the playing worse is
 /// not continued.
 pub fn best_iteration<'a>(iterations: impl IntoIterator<Item = &'a Iteration>) -> Option<&'a Iteration> {
-    iterations
-        .into_iter()
-        .reduce(|best, iteration| if iteration.score() > best.score() { iteration } else { best })
+    iterations.into_iter().reduce(|best, iteration| {
+        if iteration.scores.overall() > best.scores.overall() { iteration } else { best }
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::MeanNotes;
 
     #[test]
     fn the_best_iteration_is_by_the_steps_and_by_the_notes_and_the_earlier_of_equals() {
         let iteration = |iteration: usize, robot_f1: f64, onset_f1: f64| Iteration {
             iteration,
-            notes: MeanNotes { onset_f1, ..MeanNotes::default() },
-            latency_compensation_secs: 0.025,
-            lag_secs: None,
-            sim_f1: 0.99,
-            robot_f1,
-            robot_f1_std: 0.0,
-            gap: 0.0,
+            scores: RobotScores {
+                notes: MeanNotes { onset_f1, ..MeanNotes::default() },
+                robot_f1,
+                ..RobotScores::default()
+            },
             held_out_rad: None,
             policy: PathBuf::new(),
             recordings: Vec::new(),

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use etude_identify::{Motion, MotionError, Progress};
 use etude_music::Song;
 use etude_perform::session::RigChoice;
-use etude_perform::{Excitation, Job, NoteCounts};
+use etude_perform::{Excitation, Job};
 
 use crate::config::resolve;
 use crate::errors::{Interrupted, unusable};
@@ -57,27 +57,8 @@ pub enum RehearsalStep {
     Identifying(usize, Progress),
     /// The training of an iteration has advanced.
     Training(usize, TrainingProgress),
-    /// A run before those of an iteration has measured how late the notes are.
-    LagMeasured {
-        /// The iteration.
-        iteration: usize,
-        /// Its notes.
-        notes: NoteCounts,
-        /// The latency compensation from now on, s; none if no note would be right with another
-        /// one.
-        latency_compensation_secs: Option<f64>,
-    },
-    /// A run was played.
-    Performed {
-        /// The iteration.
-        iteration: usize,
-        /// The run, from 0.
-        run: usize,
-        /// Its notes.
-        notes: NoteCounts,
-        /// Its F1 by control step.
-        f1: f64,
-    },
+    /// The playing of an iteration has advanced.
+    Playing(usize, RobotStep),
     /// An iteration is complete, now or since an earlier call.
     Iteration(Iteration),
 }
@@ -121,8 +102,8 @@ impl Rehearsal<'_> {
         let file = self.folder.join("rehearsal.json");
         if let Some(stored) = load::<RehearsalConfig>(&file)? {
             // The number of iterations may change, and threads do not shape the result.
-            let RehearsalConfig { iterations, threads, keep_replay, .. } = *self.config;
-            if (RehearsalConfig { iterations, threads, keep_replay, ..stored }) != *self.config {
+            let RehearsalConfig { iterations, threads, .. } = *self.config;
+            if (RehearsalConfig { iterations, threads, ..stored }) != *self.config {
                 return Err(unusable(self.folder, "it holds another rehearsal, with other settings"));
             }
         }
@@ -158,24 +139,16 @@ impl Rehearsal<'_> {
         let recordings = report.runs.into_iter().filter_map(|run| run.files).map(|files| files.recording);
         let done = Iteration {
             iteration,
-            notes: report.notes,
-            latency_compensation_secs: report.latency_compensation_secs,
-            lag_secs: report.lag_secs,
-            sim_f1: report.sim_f1,
-            robot_f1: report.robot_f1,
-            robot_f1_std: report.robot_f1_std,
-            gap: report.gap,
+            scores: report.scores,
             held_out_rad,
             policy,
             recordings: recordings.collect(),
             physics,
         };
         save_pretty(&folder.join(RESULT), &done)?;
-        if !self.config.keep_replay {
-            // The next iteration begins with the networks. If it cannot be removed, it only takes
-            // up space.
-            let _ = std::fs::remove_dir_all(folder.join("training/checkpoints/replay"));
-        }
+        // The next iteration begins with the networks. If it cannot be removed, it only takes up
+        // space.
+        let _ = std::fs::remove_dir_all(folder.join("training/checkpoints/replay"));
         Ok(done)
     }
 
@@ -281,20 +254,7 @@ impl Rehearsal<'_> {
             correction: None,
             font: None,
         };
-        let to_step = |step: &RobotStep| match step {
-            RobotStep::LagMeasured { run, latency_compensation_secs } => {
-                let notes = NoteCounts::from(&run.scores.note);
-                RehearsalStep::LagMeasured {
-                    iteration,
-                    notes,
-                    latency_compensation_secs: *latency_compensation_secs,
-                }
-            }
-            RobotStep::RunEnded { index, run } => {
-                let notes = NoteCounts::from(&run.scores.note);
-                RehearsalStep::Performed { iteration, run: *index, notes, f1: run.scores.frame.f1 }
-            }
-        };
+        let to_step = |step: &RobotStep| RehearsalStep::Playing(iteration, step.clone());
         let played =
             job.part(to_step, |job| play_on_robot(&play, Some(folder), &mut SongPlanner::default(), job));
         all_complete(played, job.is_interrupted(), &format!("iteration {iteration}"))

@@ -26,8 +26,8 @@ use crate::play::{
 use crate::results::in_new_result;
 use crate::song_planner::SongPlanner;
 
-pub use report::{MeanNotes, RobotReport, RobotRun};
-pub(crate) use report::{all_complete, robot_score};
+pub(crate) use report::all_complete;
+pub use report::{MeanNotes, RobotReport, RobotRun, RobotScores};
 
 /// What to play on a robot, and how.
 #[derive(Clone)]
@@ -161,11 +161,11 @@ fn play_on_time(
             std::fs::remove_file(&file).map_err(|error| unusable(&file, error))?;
         }
     }
-    let latency_compensation_secs = measured.on_time_compensation_secs();
+    let latency_compensation_secs = measured.scores.on_time_compensation_secs();
     job.report(&RobotStep::LagMeasured { run: run.clone(), latency_compensation_secs });
     let mut pianist = play.pianist.clone();
     pianist.config.task.key_schedule.latency_compensation_secs =
-        latency_compensation_secs.unwrap_or(measured.latency_compensation_secs);
+        latency_compensation_secs.unwrap_or(measured.scores.latency_compensation_secs);
     let piece = planner.plan(play.song, &pianist.config.task)?;
     play_runs(&RobotPlay { pianist: &pianist, ..play.clone() }, &piece, folder, planner, job)
 }
@@ -243,7 +243,7 @@ fn play_runs(
     }
     let lags: Vec<f64> = counted.iter().filter_map(|run| run.scores.note.lag_secs).collect();
     let f1: Vec<f64> = counted.iter().map(|run| run.scores.frame.f1).collect();
-    let (robot_f1, robot_f1_std) = (mean(&f1), deviation(&f1));
+    let robot_f1 = mean(&f1);
     Ok(RobotReport {
         song: piece.title().to_string(),
         player: pianist.name(),
@@ -253,13 +253,15 @@ fn play_runs(
             RigChoice::Twin(twin_params) => Some(twin_params.name().to_string()),
             RigChoice::File { .. } => None,
         },
-        sim_f1,
-        robot_f1,
-        robot_f1_std,
-        gap: gap(sim_f1, robot_f1),
-        latency_compensation_secs: task.key_schedule.latency_compensation_secs,
-        lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
-        notes: MeanNotes::of(piece.notes().len(), &counted),
+        scores: RobotScores {
+            notes: MeanNotes::of(piece.notes().len(), &counted),
+            sim_f1,
+            robot_f1,
+            robot_f1_std: deviation(&f1),
+            gap: gap(sim_f1, robot_f1),
+            latency_compensation_secs: task.key_schedule.latency_compensation_secs,
+            lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
+        },
         only_measuring: false,
         runs,
     })

@@ -24,6 +24,23 @@ pub struct RobotReport {
     /// Name of the twin parameters; absent for a robot with a rig file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub twin_params: Option<String>,
+    /// The scores.
+    #[serde(flatten)]
+    pub scores: RobotScores,
+    /// Whether the only run is the one that should have measured the lag: it ended early, and no
+    /// run that counts was played.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub only_measuring: bool,
+    /// The runs.
+    pub runs: Vec<RobotRun>,
+}
+
+/// Scores of one run or of several on a robot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RobotScores {
+    /// Notes, as means over the runs.
+    #[serde(flatten)]
+    pub notes: MeanNotes,
     /// F1 by control step of the same pianist in simulation.
     pub sim_f1: f64,
     /// Mean of the runs' F1 by control step.
@@ -34,19 +51,32 @@ pub struct RobotReport {
     pub gap: f64,
     /// The latency compensation that was played with, s (`task.plan.latency_compensation_secs`).
     pub latency_compensation_secs: f64,
-    /// Mean over the runs of how late the whole performance was, s; absent if no run has a right
-    /// key near its time.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Mean over the runs of how late the whole performance was, s; none if no run has a right key
+    /// near its time.
     pub lag_secs: Option<f64>,
-    /// Notes, as means over the runs.
-    #[serde(flatten)]
-    pub notes: MeanNotes,
-    /// Whether the only run is the one that should have measured the lag: it ended early, and no
-    /// run that counts was played.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub only_measuring: bool,
-    /// The runs.
-    pub runs: Vec<RobotRun>,
+}
+
+impl RobotScores {
+    /// The score by which playing on a robot is compared: the mean of F1 and onset F1.
+    pub fn overall(&self) -> f64 {
+        (self.robot_f1 + self.notes.onset_f1) / 2.0
+    }
+
+    /// The latency compensation with which the notes would have been on time in the median, s, if
+    /// they were not.
+    pub fn better_latency_compensation_secs(&self) -> Option<f64> {
+        self.lag_secs.filter(|late| late.abs() > MAX_GOOD_LAG_SECS)?;
+        self.on_time_compensation_secs()
+            .filter(|latency_compensation_secs| *latency_compensation_secs != self.latency_compensation_secs)
+    }
+
+    /// The latency compensation with which the notes would have been on time in the median, s; none
+    /// if no note would then have been right.
+    pub fn on_time_compensation_secs(&self) -> Option<f64> {
+        self.lag_secs
+            .filter(|_| self.notes.onset_f1_without_lag > 0.0)
+            .map(|late| (self.latency_compensation_secs + late).clamp(0.0, MAX_LATENCY_COMPENSATION_SECS))
+    }
 }
 
 /// Notes of several runs, as means over them.
@@ -110,11 +140,6 @@ pub(crate) fn all_complete(
     }
 }
 
-/// The score by which playing on a robot is compared: the mean of F1 and onset F1.
-pub(crate) fn robot_score(f1: f64, notes: &MeanNotes) -> f64 {
-    (f1 + notes.onset_f1) / 2.0
-}
-
 /// One run.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotRun {
@@ -148,24 +173,6 @@ pub struct RobotRun {
 
 /// Mean lag below which the latency compensation is good enough, s.
 const MAX_GOOD_LAG_SECS: f64 = 0.005;
-
-impl RobotReport {
-    /// The latency compensation with which the notes would have been on time in the median, s, if
-    /// they were not.
-    pub fn better_latency_compensation_secs(&self) -> Option<f64> {
-        self.lag_secs.filter(|late| late.abs() > MAX_GOOD_LAG_SECS)?;
-        self.on_time_compensation_secs()
-            .filter(|latency_compensation_secs| *latency_compensation_secs != self.latency_compensation_secs)
-    }
-
-    /// The latency compensation with which the notes would have been on time in the median, s; none
-    /// if no note would then have been right.
-    pub fn on_time_compensation_secs(&self) -> Option<f64> {
-        self.lag_secs
-            .filter(|_| self.notes.onset_f1_without_lag > 0.0)
-            .map(|late| (self.latency_compensation_secs + late).clamp(0.0, MAX_LATENCY_COMPENSATION_SECS))
-    }
-}
 
 impl RobotRun {
     pub(super) fn new(performance: Performance, files: Option<Files>) -> Self {

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use etude_lab::{AdaptRun, Adapted, Iteration, MeanNotes, latest_result, run_file};
+use etude_lab::{AdaptRun, Adapted, Iteration, RobotScores, latest_result, run_file};
 use maud::{Markup, PreEscaped, html};
 
 use super::performance::{Performance, performance, see_and_hear};
@@ -53,7 +53,7 @@ impl Adaptation {
                      errors corrected the set-points of the next one, and keys that sounded too short, not at all, or next to the right one \
                      shifted the finger targets. The correction of run " (kept) " was selected: it is the best \
                      with its neighbours. "
-                    @if adapted.is_better_than(best) {
+                    @if adapted.scores.overall() > best.scores.overall() {
                         "With it the robot plays better than in iteration " (best.iteration) ", by the mean of F1 and onset F1. Play it with "
                         code { "--correction " (adapted.correction.display()) } "."
                     } @else {
@@ -95,8 +95,9 @@ fn drawings(adapted: &Adapted) -> [Drawing; 3] {
             ..Drawing::default()
         }
     };
-    let due = adapted.notes.notes_due as f64;
-    let notes = vec![series("notes right", &|run| run.notes.notes_right), series("notes due", &|_| due)];
+    let due = adapted.scores.notes.notes_due as f64;
+    let notes =
+        vec![series("notes right", &|run| run.scores.notes.notes_right), series("notes due", &|_| due)];
     let fingers = vec![series("fingers", &|run| 1e3 * run.fingers_missed_rad)];
     let rail = vec![series("rail", &|run| 1e3 * run.rail_missed_m)];
     [
@@ -109,30 +110,21 @@ fn drawings(adapted: &Adapted) -> [Drawing; 3] {
 /// The best iteration, the mode of the adaptation before any correction, and the adapted
 /// performance.
 fn comparison(adapted: &Adapted, best: &Iteration, mode: &str) -> Markup {
-    let row = |how: String, notes: &MeanNotes, f1: String| {
+    let row = |how: String, scores: &RobotScores| {
+        let RobotScores { notes, robot_f1, robot_f1_std, .. } = scores;
         vec![
             how,
             format!("{:.1}\u{a0}of\u{a0}{}", notes.notes_right, notes.notes_due),
             format!("{:.1}", notes.notes_wrong),
             format!("{:.3}", notes.onset_f1),
-            f1,
+            format!("{robot_f1:.3} ± {robot_f1_std:.3}"),
         ]
     };
-    let several = |f1: f64, std: f64| format!("{f1:.3} ± {std:.3}");
     let before = adapted.adapting.get(BEFORE).map(|run| {
-        let how = format!("{} before any correction, run {} alone", adapted.mode, BEFORE + 1);
-        row(how, &run.notes, format!("{:.3}", run.f1))
+        row(format!("{} before any correction, run {} alone", adapted.mode, BEFORE + 1), &run.scores)
     });
-    let first = row(
-        format!("{mode}, iteration {}", best.iteration),
-        &best.notes,
-        several(best.robot_f1, best.robot_f1_std),
-    );
-    let last = row(
-        format!("{} with the correction", adapted.mode),
-        &adapted.notes,
-        several(adapted.robot_f1, adapted.robot_f1_std),
-    );
+    let first = row(format!("{mode}, iteration {}", best.iteration), &best.scores);
+    let last = row(format!("{} with the correction", adapted.mode), &adapted.scores);
     let columns = ["how it was played", "notes right", "wrong", "onset F1", "F1 by control step"];
     table(
         "On the robot: means of the runs",
@@ -145,6 +137,7 @@ fn comparison(adapted: &Adapted, best: &Iteration, mode: &str) -> Markup {
 mod tests {
     use std::path::PathBuf;
 
+    use etude_lab::MeanNotes;
     use etude_perform::Mode;
 
     use super::super::tests::iteration;
@@ -152,14 +145,16 @@ mod tests {
 
     fn adapted() -> Adapted {
         let run = |right: f64, f1: f64| AdaptRun {
-            notes: MeanNotes {
-                notes_right: right,
-                notes_due: 14,
-                notes_wrong: 14.0 - right,
+            scores: RobotScores {
+                notes: MeanNotes {
+                    notes_right: right,
+                    notes_due: 14,
+                    notes_wrong: 14.0 - right,
+                    ..Default::default()
+                },
+                robot_f1: f1,
                 ..Default::default()
             },
-            f1,
-            lag_secs: None,
             fingers_missed_rad: 0.05,
             rail_missed_m: 0.004,
             clamped: 0,
@@ -167,11 +162,12 @@ mod tests {
         Adapted {
             adapting: vec![run(1.0, 0.82), run(13.0, 0.9), run(14.0, 0.95)],
             best: 2,
-            notes: MeanNotes { notes_right: 13.8, notes_due: 14, onset_f1: 0.99, ..Default::default() },
-            robot_f1: 0.957,
-            robot_f1_std: 0.003,
-            lag_secs: None,
-            latency_compensation_secs: 0.1,
+            scores: RobotScores {
+                notes: MeanNotes { notes_right: 13.8, notes_due: 14, onset_f1: 0.99, ..Default::default() },
+                robot_f1: 0.957,
+                robot_f1_std: 0.003,
+                ..Default::default()
+            },
             mode: Mode::JointMirroring,
             correction: "there/adaptation/correction.json".into(),
         }
@@ -198,7 +194,7 @@ mod tests {
             "Joint error of the fingers",
             "Joint error of the rail",
             "<td>real, iteration 0</td><td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>0.000</td><td>0.900 ± 0.010</td>",
-            "joint-mirroring before any correction, run 2 alone</td><td>13.0\u{a0}of\u{a0}14</td><td>1.0</td><td>0.000</td><td>0.900</td>",
+            "joint-mirroring before any correction, run 2 alone</td><td>13.0\u{a0}of\u{a0}14</td><td>1.0</td><td>0.000</td><td>0.900 ± 0.000</td>",
             "joint-mirroring with the correction</td><td>13.8\u{a0}of\u{a0}14</td><td>0.0</td><td>0.990</td><td>0.957 ± 0.003</td>",
             "Replay of run 2, before any correction",
             "Replay of the adapted performance, run 1",
@@ -208,8 +204,11 @@ mod tests {
         // The sound of a run while learning is not kept.
         assert_eq!(page.matches("<audio").count(), 1);
         let better = Iteration {
-            robot_f1: 1.0,
-            notes: MeanNotes { onset_f1: 1.0, ..iteration(0).notes },
+            scores: RobotScores {
+                robot_f1: 1.0,
+                notes: MeanNotes { onset_f1: 1.0, ..Default::default() },
+                ..iteration(0).scores
+            },
             ..iteration(0)
         };
         assert!(

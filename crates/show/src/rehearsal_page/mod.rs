@@ -8,7 +8,7 @@ mod performance;
 use std::path::Path;
 
 use anyhow::Context as _;
-use etude_lab::{Adapted, Iteration, RehearsalConfig, best_iteration};
+use etude_lab::{Adapted, Iteration, RehearsalConfig, RobotScores, best_iteration};
 use etude_perform::write_file;
 use maud::{Markup, PreEscaped, html};
 
@@ -125,8 +125,18 @@ fn rehearsal_page(
     Ok(page(&format!("Rehearsal of {}", config.song), &body))
 }
 
-/// Bars by iteration.
-fn by_iteration(iterations: &[&Iteration], title: &str, y_label: &str, series: Series) -> Drawing {
+/// Bars by iteration: the value of each, and what it is compared with.
+fn by_iteration(
+    iterations: &[&Iteration],
+    [title, name, y_label]: [&str; 3],
+    values: impl Fn(&RobotScores) -> (f64, Option<f64>),
+) -> Drawing {
+    let mut series = Series { name: name.to_string(), ..Series::default() };
+    for (x, iteration) in (0..).map(f64::from).zip(iterations) {
+        let (y, mark) = values(&iteration.scores);
+        series.points.push(Point { x, y, interval: None });
+        series.marks.extend(mark.map(|y| Mark { x: Some(x), y }));
+    }
     Drawing {
         title: title.to_string(),
         x_label: "iteration".to_string(),
@@ -139,54 +149,31 @@ fn by_iteration(iterations: &[&Iteration], title: &str, y_label: &str, series: S
 }
 
 fn notes_by_iteration(iterations: &[&Iteration]) -> Drawing {
-    let point = |(x, iteration): (usize, &&Iteration)| Point {
-        x: x as f64,
-        y: iteration.notes.notes_right,
-        interval: None,
-    };
-    let due = |(x, iteration): (usize, &&Iteration)| Mark {
-        x: Some(x as f64),
-        y: iteration.notes.notes_due as f64,
-    };
-    let series = Series {
-        name: "notes right".to_string(),
-        points: iterations.iter().enumerate().map(point).collect(),
-        marks: iterations.iter().enumerate().map(due).collect(),
-    };
-    by_iteration(iterations, "Notes right on the robot, mean of the runs", "notes", series)
+    let texts = ["Notes right on the robot, mean of the runs", "notes right", "notes"];
+    by_iteration(iterations, texts, |scores| (scores.notes.notes_right, Some(scores.notes.notes_due as f64)))
 }
 
 fn gap_by_iteration(iterations: &[&Iteration]) -> Drawing {
-    let point = |(x, iteration): (usize, &&Iteration)| Point {
-        x: x as f64,
-        y: 100.0 * iteration.gap,
-        interval: None,
-    };
-    let points = iterations.iter().enumerate().map(point).collect();
-    let series = Series { name: "gap".to_string(), points, marks: Vec::new() };
-    by_iteration(
-        iterations,
-        "Gap: the share of the F1 in simulation that is lost on the robot",
-        "gap (%)",
-        series,
-    )
+    let texts = ["Gap: the share of the F1 in simulation that is lost on the robot", "gap", "gap (%)"];
+    by_iteration(iterations, texts, |scores| (100.0 * scores.gap, None))
 }
 
 fn scores(iterations: &[&Iteration]) -> Markup {
     let rows = iterations.iter().map(|iteration| {
+        let scores = &iteration.scores;
         let [before, after] = iteration
             .held_out_rad
             .map_or_else(Default::default, |errors| errors.map(|e| format!("{:.2}", 1e3 * e)));
         vec![
             iteration.iteration.to_string(),
-            format!("{:.1}\u{a0}of\u{a0}{}", iteration.notes.notes_right, iteration.notes.notes_due),
-            format!("{:.1}", iteration.notes.notes_wrong),
-            format!("{:.3}", iteration.notes.onset_f1),
-            format!("{:.0}", 1e3 * iteration.latency_compensation_secs),
-            iteration.lag_secs.map_or_else(String::new, |lag| format!("{:+.0}", 1e3 * lag)),
-            format!("{:.3}", iteration.sim_f1),
-            format!("{:.3} ± {:.3}", iteration.robot_f1, iteration.robot_f1_std),
-            format!("{:.1} %", 100.0 * iteration.gap),
+            format!("{:.1}\u{a0}of\u{a0}{}", scores.notes.notes_right, scores.notes.notes_due),
+            format!("{:.1}", scores.notes.notes_wrong),
+            format!("{:.3}", scores.notes.onset_f1),
+            format!("{:.0}", 1e3 * scores.latency_compensation_secs),
+            scores.lag_secs.map_or_else(String::new, |lag| format!("{:+.0}", 1e3 * lag)),
+            format!("{:.3}", scores.sim_f1),
+            format!("{:.3} ± {:.3}", scores.robot_f1, scores.robot_f1_std),
+            format!("{:.1} %", 100.0 * scores.gap),
             before,
             after,
         ]
@@ -216,13 +203,15 @@ mod tests {
     pub(super) fn iteration(iteration: usize) -> Iteration {
         Iteration {
             iteration,
-            notes: MeanNotes { notes_right: 13.5, notes_due: 14, notes_wrong: 2.0, ..Default::default() },
-            latency_compensation_secs: 0.025,
-            lag_secs: Some(0.06),
-            sim_f1: 0.96,
-            robot_f1: 0.9,
-            robot_f1_std: 0.01,
-            gap: 0.06,
+            scores: RobotScores {
+                notes: MeanNotes { notes_right: 13.5, notes_due: 14, notes_wrong: 2.0, ..Default::default() },
+                latency_compensation_secs: 0.025,
+                lag_secs: Some(0.06),
+                sim_f1: 0.96,
+                robot_f1: 0.9,
+                robot_f1_std: 0.01,
+                gap: 0.06,
+            },
             held_out_rad: (iteration > 0).then_some([0.013, 0.0017]),
             policy: "p".into(),
             recordings: vec![format!("there/iteration-{iteration}/performance/run-1.mcap").into()],
@@ -250,7 +239,6 @@ mod tests {
             evaluations: None,
             seed: 0,
             threads: None,
-            keep_replay: false,
         };
         let shown = |number: usize| IterationResult {
             iteration: iteration(number),
@@ -278,7 +266,7 @@ mod tests {
             "No replay of iteration 0, run 1: it is &lt;damaged&gt;",
             "<a href=\"iteration-1/performance/run-1.html\">Replay of iteration 1, run 1</a> · 13 of 14 notes right, 2 wrong",
             "src=\"iteration-1/performance/run-1.wav\"",
-            "<td>joint.index_1.delay</td><td>s</td><td>0</td><td>0.01230</td>",
+            "<td>joint.index_1.delay</td><td>s</td><td>0</td><td>0.0123</td>",
         ] {
             assert!(page.contains(part), "{part} is not in {page}");
         }
@@ -289,7 +277,7 @@ mod tests {
     #[test]
     fn the_charts_show_each_round() {
         let (zero, mut one) = (iteration(0), iteration(1));
-        one.gap = -0.02;
+        one.scores.gap = -0.02;
         let iterations = [&zero, &one];
         let gaps: Vec<f64> =
             gap_by_iteration(&iterations).series[0].points.iter().map(|point| point.y).collect();

@@ -4,6 +4,7 @@ use etude_lab::Iteration;
 use etude_stage::PhysicalParams;
 use maud::{Markup, html};
 
+use crate::figure::short;
 use crate::html::table;
 
 /// Every parameter that an iteration has changed.
@@ -19,8 +20,8 @@ pub(super) fn parameters(iterations: &[&Iteration]) -> Markup {
         .filter(|(path, _, _)| fitted.iter().any(|iteration| iteration.physics.contains_key(path)));
     let rows = changed.map(|(path, row, default)| {
         let values = fitted.iter().map(|iteration| iteration.physics.get(&path).copied().unwrap_or(default));
-        let values: Vec<String> = values.map(four_digits).collect();
-        [vec![path, row.unit.to_string(), four_digits(default)], values].concat()
+        let values: Vec<String> = values.map(|value| short(value, 6)).collect();
+        [vec![path, row.unit.to_string(), short(default, 6)], values].concat()
     });
     let rows: Vec<_> = rows.collect();
     html! {
@@ -32,13 +33,4 @@ pub(super) fn parameters(iterations: &[&Iteration]) -> Markup {
             }
         }
     }
-}
-
-/// A number with four significant digits.
-fn four_digits(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_string();
-    }
-    let digits = 3 - value.abs().log10().floor() as i32;
-    format!("{value:.*}", digits.clamp(0, 9) as usize)
 }
