@@ -1,13 +1,13 @@
 //! A status line. On a terminal it changes in place; elsewhere, as in the log of a batch job, it
 //! writes a line for each new phase and then every 30 s.
 
+use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
 use etude_lab::SongPlanner;
-use indicatif::ProgressBar;
+use indicatif::{ProgressBar, ProgressDrawTarget};
 
 use crate::output::note;
-use crate::progress::{clock, target};
 
 /// Time between two lines of one phase in a log.
 const LOG_INTERVAL: Duration = Duration::from_secs(30);
@@ -28,8 +28,9 @@ const MIN_SHARE: f64 = 0.02;
 impl Status {
     /// Writes nothing if `quiet`.
     pub fn new(quiet: bool) -> Self {
+        let hidden = quiet || !std::io::stderr().is_terminal();
         let bar = ProgressBar::new_spinner();
-        bar.set_draw_target(target(quiet));
+        bar.set_draw_target(if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() });
         Self { bar, quiet, phase: String::new(), last_logged: Instant::now(), begun: (Instant::now(), 0.0) }
     }
 
@@ -107,6 +108,13 @@ pub fn planner(quiet: bool) -> SongPlanner<'static> {
     })
 }
 
+/// A duration as `m:ss` or hours and minutes.
+pub fn clock(secs: f64) -> String {
+    let whole = secs.round() as u64;
+    let (hours, minutes, secs) = (whole / 3600, whole / 60 % 60, whole % 60);
+    if hours > 0 { format!("{hours} h {minutes:02} min") } else { format!("{minutes}:{secs:02}") }
+}
+
 /// Time left, if the share `before` was done at first and `share` is `secs` later; none before
 /// [`MIN_SHARE`].
 fn left_secs(secs: f64, before: f64, share: f64) -> Option<f64> {
@@ -123,12 +131,17 @@ impl Drop for Status {
 
 #[cfg(test)]
 mod tests {
-    use super::left_secs;
+    use super::{clock, left_secs};
 
     #[test]
     fn the_time_left_counts_only_this_process() {
         assert_eq!(left_secs(10.0, 0.0, 0.25), Some(30.0));
         assert_eq!(left_secs(10.0, 0.5, 0.75), Some(10.0));
         assert_eq!((left_secs(1.0, 0.5, 0.51), left_secs(9.0, 0.0, 1.0)), (None, None));
+    }
+
+    #[test]
+    fn durations_are_formatted() {
+        assert_eq!((clock(59.6), clock(3725.0)), ("1:00".to_string(), "1 h 02 min".to_string()));
     }
 }

@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use std::sync::{Mutex, PoisonError};
 
 use clap::ValueHint;
 use etude_lab::{GridConfig, GridReport, GridScores, evaluate_grid, find_song};
 
 use crate::args::{self, PianistArgs};
 use crate::output::{Ending, line, note, print_json};
-use crate::progress::{bar, stop_flag};
-use crate::status::planner;
+use crate::progress::stop_flag;
+use crate::status::{Status, planner};
 
 /// Number of parameters that are printed; the JSON has all.
 const MAX_SHOWN: usize = 8;
@@ -62,13 +63,15 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song) + "-worlds"));
     let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
     let stop = stop_flag()?;
-    let bar = bar(u64::from(args.worlds) + 1, "{pos} worlds  {eta} left", args.json);
+    let status = Mutex::new(Status::new(args.json));
     let watch = |done: usize| {
-        bar.set_position(done as u64);
+        let share = done as f64 / (f64::from(args.worlds) + 1.0);
+        let mut status = status.lock().unwrap_or_else(PoisonError::into_inner);
+        status.part("playing", &format!(", {done} worlds done"), share);
         !stop.load(Ordering::Relaxed)
     };
     let report = evaluate_grid(&song, &pianist, &grid, &mut planner, &watch)?;
-    bar.finish_and_clear();
+    drop(status);
     let Some(mut report) = report else {
         note("stopped; nothing was written");
         return Ok(Ending::Stopped);

@@ -13,8 +13,8 @@ use serde_json::json;
 
 use crate::args;
 use crate::output::{Ending, line, note, print_json};
-use crate::progress::{clock, patient_stop_flag, stop_flag, stop_when_unattended};
-use crate::status::Status;
+use crate::progress::{patient_stop_flag, stop_flag, stop_when_unattended};
+use crate::status::{Status, clock};
 
 /// What to do with experiments.
 #[derive(clap::Args)]

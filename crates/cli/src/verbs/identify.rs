@@ -10,8 +10,8 @@ use etude_task::{TaskConfig, shortest_silences};
 
 use super::model::restrike;
 use crate::output::{Ending, line, print_json};
-use crate::progress::{clock, stop_flag};
-use crate::status::Status;
+use crate::progress::stop_flag;
+use crate::status::{Status, clock};
 
 /// Recordings, method and output.
 #[derive(clap::Args)]

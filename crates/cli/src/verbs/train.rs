@@ -86,7 +86,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     let mut progress = Progress::new(&run, limit, args.json, stop);
     let outcome = run.run(&mut progress);
-    progress.finish();
+    drop(progress);
     let outcome = outcome?;
     ignore_broken_pipe(report(&args, &folder, &run, &outcome))?;
     Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })

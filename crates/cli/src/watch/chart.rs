@@ -10,7 +10,7 @@ use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Paragraph};
 
 use super::text;
 use super::view::{View, heading};
-use crate::progress::clock;
+use crate::status::clock;
 
 /// Columns of the labels left of the axis.
 const LABELS: u16 = 5;

@@ -2,7 +2,7 @@
 
 use etude_show::watch::{RunFigures, RunState};
 
-use crate::progress::clock;
+use crate::status::clock;
 
 /// Shown for a figure that is not known.
 const UNKNOWN: &str = "-";
