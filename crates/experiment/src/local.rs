@@ -10,7 +10,7 @@ use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use etude_perform::Job;
 
@@ -48,8 +48,14 @@ pub struct LaunchProgress {
     pub failed: usize,
     /// Running trials, by id.
     pub running: BTreeMap<String, TrialProgress>,
-    /// Estimate of the time left, s.
-    pub left_secs: Option<f64>,
+}
+
+impl LaunchProgress {
+    /// The share of all trials that is done, 0 to 1.
+    pub fn share(&self) -> f64 {
+        let running: f64 = self.running.values().map(|trial| trial.share).sum();
+        ((self.done + self.failed) as f64 + running) / self.total.max(1) as f64
+    }
 }
 
 /// The result of a launch.
@@ -68,7 +74,6 @@ pub struct LaunchReport {
 struct Worker {
     id: String,
     child: Child,
-    begun: Instant,
     /// Length of its log before it began.
     logged: u64,
 }
@@ -99,7 +104,6 @@ pub fn launch_local(
     let mut report = LaunchReport::default();
     let mut workers: Vec<Worker> = Vec::new();
     let (sender, lines): (Sender<ProgressLine>, Receiver<ProgressLine>) = channel();
-    let mut clock = Clock { workers: config.workers, ..Clock::default() };
     job.report(&progress);
     loop {
         let stop = job.is_interrupted();
@@ -132,10 +136,7 @@ pub fn launch_local(
             };
             progress.running.remove(&worker.id);
             match status.code() {
-                Some(0) => {
-                    progress.done += 1;
-                    clock.durations.push(worker.begun.elapsed().as_secs_f64());
-                }
+                Some(0) => progress.done += 1,
                 Some(STOPPED) if stop => {}
                 Some(code) if code == i32::from(BUSY) => report.busy += 1,
                 _ => {
@@ -149,7 +150,6 @@ pub fn launch_local(
             }
         }
         workers = going;
-        progress.left_secs = clock.left(waiting.len(), &workers, &progress.running);
         job.report(&progress);
     }
     report.done = progress.done;
@@ -197,7 +197,7 @@ fn start(
             }
         });
     }
-    Ok(Worker { id: trial.id.clone(), child, begun: Instant::now(), logged })
+    Ok(Worker { id: trial.id.clone(), child, logged })
 }
 
 /// The last line of a text file that is not empty, from this byte on.
@@ -205,31 +205,4 @@ fn last_line(path: &Path, from: u64) -> Option<String> {
     let bytes = std::fs::read(path).ok()?;
     let text = String::from_utf8_lossy(bytes.get(usize::try_from(from).ok()?..)?).into_owned();
     text.lines().rev().find(|line| !line.trim().is_empty()).map(str::to_string)
-}
-
-/// Durations of trials, s.
-#[derive(Default)]
-struct Clock {
-    workers: usize,
-    durations: Vec<f64>,
-}
-
-impl Clock {
-    /// Time until all trials are done, from those that are and from how far the others have got.
-    fn left(
-        &self,
-        waiting: usize,
-        workers: &[Worker],
-        running: &BTreeMap<String, TrialProgress>,
-    ) -> Option<f64> {
-        let share = |worker: &Worker| running.get(&worker.id).map_or(0.0, |at| at.share);
-        let estimates = workers
-            .iter()
-            .filter(|worker| share(worker) > 0.02)
-            .map(|worker| worker.begun.elapsed().as_secs_f64() / share(worker));
-        let all: Vec<f64> = self.durations.iter().copied().chain(estimates).collect();
-        let mean = (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)?;
-        let rest: f64 = workers.iter().map(|worker| 1.0 - share(worker)).sum();
-        Some(mean * (waiting as f64 + rest) / self.workers.max(1) as f64)
-    }
 }

@@ -14,7 +14,7 @@ use serde_json::json;
 use crate::args;
 use crate::output::{Ending, line, note, print_json};
 use crate::progress::{patient_stop_flag, stop_flag, stop_when_unattended};
-use crate::status::{Status, clock};
+use crate::status::Status;
 
 /// What to do with experiments.
 #[derive(clap::Args)]
@@ -233,7 +233,7 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
     let workers = args.workers.map_or_else(|| (cores / threads).max(1), usize::from);
     let stop = stop_flag()?;
     let mut status = Status::new(false);
-    let mut tell = |at: &LaunchProgress| status.now(&counts(at), &running(at));
+    let mut tell = |at: &LaunchProgress| status.part("trials", &running(at), at.share());
     let config = LocalConfig { program, workers, threads };
     let report = launch_local(trials, plan, &args.runs, &config, &mut Job::new(&mut tell, &stop))?;
     drop(status);
@@ -253,11 +253,6 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
     }
 }
 
-fn counts(at: &LaunchProgress) -> String {
-    let failed = if at.failed > 0 { format!(", {} failed", at.failed) } else { String::new() };
-    format!("{} of {} trials done{failed}", at.done, at.total)
-}
-
 fn running(at: &LaunchProgress) -> String {
     let one = |(id, trial): (&String, &TrialProgress)| {
         let f1 = trial.f1.map_or_else(String::new, |f1| format!(" F1 {f1:.3}"));
@@ -265,8 +260,9 @@ fn running(at: &LaunchProgress) -> String {
         let name = id.rsplit_once("__").map_or(id.as_str(), |(name, _)| name);
         format!("  {name}: {} {:.0} %{f1}", trial.phase, 100.0 * trial.share)
     };
-    let left = at.left_secs.map_or_else(String::new, |secs| format!(", {} left", clock(secs)));
-    left + &at.running.iter().map(one).collect::<String>()
+    let failed = if at.failed > 0 { format!(", {} failed", at.failed) } else { String::new() };
+    let running: String = at.running.iter().map(one).collect();
+    format!(": {} of {} done{failed}{running}", at.done, at.total)
 }
 
 fn slurm(
