@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
+use etude_experiment::ATTENDED;
 use etude_lab::Run;
 use etude_learn::{EvaluationRow, LogRow, Score, StopReason, TrainingObserver};
 use etude_perform::{LEARNED_F1, NoteCounts};
@@ -16,19 +17,13 @@ const INTERRUPTED: i32 = 130;
 /// Message of a training after the first request to stop.
 pub const STOPPING: &str = "stopping and saving; press Ctrl-C again to end at once without saving";
 
-/// Environment variable: the process stops when its standard input ends.
-pub const ATTENDED: &str = "ETUDE_ATTENDED";
-
 /// The flag that signals set, once a verb has asked for it.
 static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
 /// Set by Ctrl-C, SIGTERM or the end of the terminal, and by the end of standard input if the
-/// process is [`ATTENDED`]. A second signal ends the program at once.
+/// process [`is_attended`]. A second signal ends the program at once.
 pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
-    let flag = STOP.get_or_init(Arc::default).clone();
-    if std::env::var_os(ATTENDED).is_some() {
-        stop_when_unattended(&flag);
-    }
+    let flag = flag();
     for signal in stopping_signals() {
         // Registered first, so that it sees the flag of the previous signal.
         signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED, flag.clone())?;
@@ -39,7 +34,7 @@ pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
 
 /// Set by Ctrl-C, SIGTERM or the end of the terminal, however often they come.
 pub fn patient_stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
-    let flag = STOP.get_or_init(Arc::default).clone();
+    let flag = flag();
     for signal in stopping_signals() {
         signal_hook::flag::register(signal, flag.clone())?;
     }
@@ -59,13 +54,23 @@ fn stopping_signals() -> impl Iterator<Item = i32> {
     [SIGINT, SIGTERM, SIGHUP].into_iter().filter(move |signal| *signal != SIGHUP || ignored & 1 == 0)
 }
 
-/// Sets the flag when standard input ends: the process at its other end has closed it or has ended.
-pub fn stop_when_unattended(flag: &Arc<AtomicBool>) {
-    let flag = flag.clone();
-    std::thread::spawn(move || {
-        let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
-        flag.store(true, Ordering::Relaxed);
-    });
+/// Whether another program launched this process, and attends to it.
+pub fn is_attended() -> bool {
+    std::env::var_os(ATTENDED).is_some()
+}
+
+/// The flag. If the process [`is_attended`], it is set when standard input ends: the process at its
+/// other end has closed it or has ended.
+fn flag() -> Arc<AtomicBool> {
+    let flag = STOP.get_or_init(Arc::default).clone();
+    if is_attended() {
+        let flag = flag.clone();
+        std::thread::spawn(move || {
+            let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+            flag.store(true, Ordering::Relaxed);
+        });
+    }
+    flag
 }
 
 /// Shows a training and stops it on request.

@@ -18,6 +18,8 @@ pub struct Status {
     quiet: bool,
     phase: String,
     last_logged: Instant,
+    /// Nothing is written before.
+    from: Instant,
     /// When the phase began, and the share that was done then: a resumed phase does not begin at 0.
     begun: (Instant, f64),
 }
@@ -31,7 +33,20 @@ impl Status {
         let hidden = quiet || !std::io::stderr().is_terminal();
         let bar = ProgressBar::new_spinner();
         bar.set_draw_target(if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() });
-        Self { bar, quiet, phase: String::new(), last_logged: Instant::now(), begun: (Instant::now(), 0.0) }
+        let now = Instant::now();
+        Self { bar, quiet, phase: String::new(), last_logged: now, from: now, begun: (now, 0.0) }
+    }
+
+    /// The same for work that is slow only for long songs: nothing is written in the first second.
+    pub fn late(quiet: bool) -> Self {
+        let mut status = Self::new(quiet);
+        status.from += Duration::from_secs(1);
+        status
+    }
+
+    /// As [`Self::part`], with the share as the state.
+    pub fn share(&mut self, phase: &str, share: f64) {
+        self.part(phase, &format!(", {:.0} %", 100.0 * share), share);
     }
 
     /// As [`Self::now`], for a phase of which a `share` is done, 0 to 1; adds the time left.
@@ -47,6 +62,9 @@ impl Status {
 
     /// Shows the current phase and its progress.
     pub fn now(&mut self, phase: &str, state: &str) {
+        if Instant::now() < self.from {
+            return;
+        }
         let is_new = phase != self.phase;
         if self.bar.is_hidden() && !self.quiet && (is_new || self.last_logged.elapsed() >= LOG_INTERVAL) {
             note(format!("{phase}{state}"));
@@ -67,44 +85,13 @@ impl Status {
     }
 }
 
-/// Progress of work that is slow only for long songs: nothing is written in the first second.
-pub struct LongWork {
-    status: Status,
-    begun: Instant,
-    is_shown: bool,
-}
-
-impl LongWork {
-    /// Writes nothing if `quiet`.
-    pub fn new(quiet: bool) -> Self {
-        Self { status: Status::new(quiet), begun: Instant::now(), is_shown: false }
-    }
-
-    /// Shows the planned share of the fingering.
-    pub fn planned(&mut self, share: f64) {
-        if share < 1.0 {
-            self.part("planning the fingering", share);
-        } else if self.is_shown {
-            self.status.now("the fingering is planned", "");
-        }
-    }
-
-    /// Shows the share of a phase that is done.
-    pub fn part(&mut self, phase: &str, share: f64) {
-        if self.begun.elapsed() >= Duration::from_secs(1) {
-            self.is_shown = true;
-            self.status.part(phase, &format!(", {:.0} %", 100.0 * share), share);
-        }
-    }
-}
-
 /// A planner that shows its progress if a plan is slow. Writes nothing if `quiet`.
 pub fn planner(quiet: bool) -> SongPlanner<'static> {
-    let mut work: Option<LongWork> = None;
+    let mut status: Option<Status> = None;
     SongPlanner::new(move |share| {
-        work.get_or_insert_with(|| LongWork::new(quiet)).planned(share);
+        status.get_or_insert_with(|| Status::late(quiet)).share("planning the fingering", share);
         // The line is removed before other lines are written.
-        work.take_if(|_| share >= 1.0);
+        status.take_if(|_| share >= 1.0);
     })
 }
 

@@ -21,6 +21,8 @@ use crate::trial::Trial;
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Name of the file with the messages of a trial's process.
 pub const LOG: &str = "log.txt";
+/// Environment variable of a launched process: it stops when its standard input ends.
+pub const ATTENDED: &str = "ETUDE_ATTENDED";
 /// Exit code of a process that stopped on request.
 const STOPPED: i32 = 3;
 /// Exit code of a process that found another one at work.
@@ -176,7 +178,8 @@ fn start(
         .arg(index.to_string())
         .arg("--runs")
         .arg(runs)
-        .args(["--threads", &config.threads.to_string(), "--attended"])
+        .args(["--threads", &config.threads.to_string()])
+        .env(ATTENDED, "1")
         // For fits, which otherwise use all cores.
         .env("RAYON_NUM_THREADS", config.threads.to_string())
         .stdin(Stdio::piped())

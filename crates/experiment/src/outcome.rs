@@ -66,10 +66,6 @@ pub struct TrialTimes {
     pub machine: String,
     /// Its cores.
     pub cores: usize,
-    /// When it was done, s since 1970.
-    pub unix_secs: u64,
-    /// The command.
-    pub command: String,
 }
 
 /// The progress of a trial.

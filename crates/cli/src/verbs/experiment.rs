@@ -13,7 +13,7 @@ use serde_json::json;
 
 use crate::args;
 use crate::output::{Ending, line, note, print_json};
-use crate::progress::{patient_stop_flag, stop_flag, stop_when_unattended};
+use crate::progress::{is_attended, patient_stop_flag, stop_flag};
 use crate::status::Status;
 
 /// What to do with experiments.
@@ -171,9 +171,6 @@ struct TrialArgs {
     /// Threads
     #[arg(long, default_value_t = 1)]
     threads: usize,
-    /// Print the progress for the launcher, and stop when the launcher has ended
-    #[arg(long)]
-    attended: bool,
 }
 
 /// Runs the verb.
@@ -358,12 +355,11 @@ fn trial(args: &TrialArgs) -> anyhow::Result<Ending> {
     })?;
     // A cluster may send the signal more than once.
     let stop = patient_stop_flag()?;
-    if args.attended {
-        stop_when_unattended(&stop);
-    }
-    let attended = args.attended;
-    let mut tell = move |at: &TrialProgress| {
-        if attended && let Ok(text) = serde_json::to_string(at) {
+    let mut tell = |at: &TrialProgress| {
+        // The launcher reads the progress.
+        if is_attended()
+            && let Ok(text) = serde_json::to_string(at)
+        {
             // If the launcher has ended, standard input ends too, which stops the trial.
             let _ = line(text);
         }

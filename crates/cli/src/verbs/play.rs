@@ -12,7 +12,7 @@ use etude_perform::{Job, NoteCounts, Scores};
 use crate::args::{self, PianistArgs};
 use crate::output::{Ending, line, print_json};
 use crate::progress::stop_flag;
-use crate::status::{LongWork, planner};
+use crate::status::{Status, planner};
 
 /// Song, player and output of a performance.
 #[derive(clap::Args)]
@@ -56,11 +56,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let pianist = args.pianist.load(&args.song, &song, &mut planner)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)));
-    let mut work = LongWork::new(args.json);
-    let mut on_progress = |share: &f64| work.part("playing", *share);
+    let mut status = Status::late(args.json);
+    let mut on_progress = |share: &f64| status.share("playing", *share);
     let mut job = Job::new(&mut on_progress, &stop);
     let report = play(&song, &pianist, &folder, font.as_ref(), &mut planner, &mut job)?;
-    drop(work);
+    drop(status);
     if args.json {
         print_json(&report)?
     } else {

@@ -82,7 +82,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     } else {
         let stop = stop_flag()?;
         let mut status = Status::new(args.json);
-        let mut tell = |done: &f64| status.part("drawing", &format!(", {:.0} %", 100.0 * done), *done);
+        let mut tell = |done: &f64| status.share("drawing", *done);
         studio.video(&out, &mut Job::new(&mut tell, &stop))?;
         "video"
     };

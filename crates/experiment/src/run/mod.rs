@@ -23,7 +23,7 @@ use etude_lab::{
 };
 use etude_learn::Score;
 use etude_music::Song;
-use etude_perform::session::{TWIN, rig_choice, unix_secs};
+use etude_perform::session::{TWIN, rig_choice};
 use etude_perform::{Job, Mode, Scores, gap, write_file};
 use serde::Serialize;
 
@@ -150,8 +150,6 @@ impl RunningTrial<'_, '_> {
             mujoco: etude_stage::mujoco_version().to_string(),
             machine: processor(),
             cores: std::thread::available_parallelism().map_or(0, usize::from),
-            unix_secs: unix_secs(),
-            command: self.command.to_string(),
         }
     }
 

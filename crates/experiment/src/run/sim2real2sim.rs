@@ -19,7 +19,7 @@ use crate::outcome::{TrialResult, TrialTimes};
 use crate::trial::TrainingConfig;
 
 /// Name of the file with the curve of a fit.
-const CURVE: &str = "curve.jsonl";
+const CURVE: &str = "curve.json";
 
 impl RunningTrial<'_, '_> {
     pub(super) fn rehearse(
@@ -129,6 +129,6 @@ impl RunningTrial<'_, '_> {
             ("times_less", errors.fingers[0] / errors.fingers[1]),
             ("replays", replays as f64),
         ];
-        Ok((self.result(vec![result_row(&[], &values)], curve.points), self.times(secs, Vec::new())))
+        Ok((self.result(vec![result_row(&[], &values)], curve.points()), self.times(secs, Vec::new())))
     }
 }

@@ -10,13 +10,14 @@ use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use etude_experiment::ATTENDED;
 use etude_perform::{shell_line, write_file};
 use hyper::StatusCode;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::message::ApiError;
-use crate::progress::{ATTENDED, STOPPING};
+use crate::progress::STOPPING;
 
 const MAX_RUNNING: usize = 4;
 const MAX_REMEMBERED: usize = 40;
