@@ -2,6 +2,8 @@
 
 use std::io::Write as _;
 
+use etude_show::replay::Take;
+
 /// How a verb ended without failing.
 pub enum Ending {
     Done,
@@ -19,6 +21,13 @@ pub fn line(text: impl std::fmt::Display) -> anyhow::Result<()> {
 /// Prints one line on standard error; if it is closed, the work continues.
 pub fn note(text: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Says of each recording what is missing in it.
+pub fn note_incomplete(takes: &[Take]) {
+    for take in takes {
+        take.incomplete.iter().for_each(|text| note(format!("{}: {text}", take.name)));
+    }
 }
 
 /// Prints a value as JSON on standard output.

@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use etude_lab::{
-    IdentifyMethod, RunConfig, beginning_with, load_pianist, policy_called, resolve, set_latency_compensation,
+    IdentifyMethod, RehearsalConfig, RunConfig, beginning_with, load_pianist, policy_called, resolve,
+    set_latency_compensation,
 };
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
-use etude_perform::Mode;
 use serde::{Deserialize, Serialize};
 
 use crate::config::PerformConfig;
@@ -63,20 +63,7 @@ pub enum TrialWork {
         seed: u64,
     },
     /// Sim2Real2Sim.
-    Rehearse {
-        /// How it is learned.
-        training: TrainingConfig,
-        /// The mode of the performances.
-        mode: Mode,
-        /// Iterations after the first performance.
-        iterations: usize,
-        /// Performances an iteration.
-        runs: usize,
-        /// Parameter set of the twin: a name or a file.
-        twin_params: String,
-        /// Evaluations of each fit at most.
-        evaluations: Option<u64>,
-    },
+    Rehearse(RehearsalConfig),
     /// The simulator is fitted to the twin's excitations.
     Identify {
         /// Parameter set of the twin: a name or a file.

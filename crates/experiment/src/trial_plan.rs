@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{anyhow, bail};
-use etude_lab::find_song;
+use etude_lab::{IdentifyMethod, RehearsalConfig, find_song};
 use etude_music::Song;
+use etude_perform::session::TWIN;
 use etude_perform::{Mode, shell_word};
 use etude_twin::TwinParams;
 
@@ -253,14 +254,22 @@ fn rehearsals(
         let mut labels = labels.clone();
         labels.insert("mode".to_string(), mode.name().to_string());
         labels.insert("twin_params".to_string(), twin_params.to_string());
-        let work = TrialWork::Rehearse {
-            training: training.clone(),
-            mode: *mode,
+        let work = TrialWork::Rehearse(RehearsalConfig {
+            song: labels["song"].clone(),
+            rig: TWIN.to_string(),
+            twin_params: Some(twin_params.to_string()),
             iterations,
             runs,
-            twin_params: twin_params.to_string(),
+            mode: *mode,
+            preset: training.preset.clone(),
+            overrides: training.set.clone(),
+            policy: None,
+            simulator: None,
+            method: IdentifyMethod::Lm,
             evaluations,
-        };
+            seed,
+            threads: None,
+        });
         Trial { id: id("rehearse", &labels["song"], seed, &all), labels, work }
     };
     all_or_first(&rehearse.modes, smoke).iter().map(trial).collect()

@@ -1,9 +1,11 @@
 //! Warm starts: beginning a training with what another has learned.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use anyhow::{anyhow, bail};
 use etude_learn::{TrainError, Trainer, TrainingInputs, WarmStart};
+use serde_json::{Value, json};
 
 use crate::config::RunConfig;
 use crate::folder::policy_in;
@@ -39,6 +41,10 @@ fn in_the_form_of(mut config: RunConfig, other: &RunConfig) -> RunConfig {
     config
 }
 
+/// Settings of a policy's task that a training must have too, to begin with it.
+const SAME_SETTINGS: &str = "task.stage.side task.scale task.lookahead task.previous_joints task.previous_actions \
+     task.fingering task.velocities task.finger_range task.rail_range task.view";
+
 /// What the run or policy at `path` has learned, if a training by `config` of the song with this
 /// title, or of a corpus, can begin with it.
 pub(crate) fn warm_start(
@@ -68,34 +74,25 @@ pub(crate) fn warm_start(
     if learned.is_none() && theirs.corpus.is_none() {
         return Err(unknown());
     }
+    let differ = |what: &str, theirs: &dyn Display, ours: &dyn Display| {
+        anyhow!(
+            "a training cannot begin with what {} has learned: its {what} is {theirs}, that of this one {ours}; set the same \
+             value, or begin without --from",
+            path.display()
+        )
+    };
     // A training of any song can begin with what has learned a corpus, and one of a corpus with
     // what has learned a song.
-    let both = learned.zip(song);
-    let describe = |title: Option<&str>, config: &RunConfig| {
-        let task = &config.task;
-        [
-            format!("of the song `{}`", title.unwrap_or_default()),
-            format!("of the {:?} hand (`task.stage.side`)", task.stage.side),
-            format!("with joint readings scaled {:?} (`task.scale`)", task.scale),
-            format!("with {} steps of lookahead (`task.lookahead`)", task.lookahead),
-            format!("with previous joints {} (`task.previous_joints`)", task.previous_joints),
-            format!("with {} previous actions (`task.previous_actions`)", task.previous_actions),
-            format!("with a fingering {} (`task.fingering`)", task.fingering),
-            format!("with loud and soft {} (`task.velocities`)", task.velocities),
-            format!("with targets of finger joints within {} rad (`task.finger_range`)", task.finger_range),
-            format!("with targets of the rail within {} m of its plan (`task.rail_range`)", task.rail_range),
-            format!("with the view of the {:?} (`task.view`)", task.view),
-        ]
-    };
-    let pairs = describe(both.map(|(theirs, _)| theirs), &theirs)
-        .into_iter()
-        .zip(describe(both.map(|(_, ours)| ours), config));
-    if let Some((theirs, ours)) = { pairs }.find(|(theirs, ours)| theirs != ours) {
-        bail!(
-            "a training cannot begin with what {} has learned: that is {theirs}, this one {ours}; set the same value, \
-             or begin without --from",
-            path.display()
-        );
+    if let Some((theirs, ours)) = learned.zip(song).filter(|(theirs, ours)| theirs != ours) {
+        return Err(differ("song", &theirs, &ours));
+    }
+    let [theirs, ours] = [&theirs, config].map(|config| json!({ "task": config.task }));
+    for setting in SAME_SETTINGS.split_whitespace() {
+        let value = |config: &'_ Value| config.pointer(&format!("/{}", setting.replace('.', "/"))).cloned();
+        let [theirs, ours] = [&theirs, &ours].map(|config| value(config).unwrap_or_default());
+        if theirs != ours {
+            return Err(differ(setting, &theirs, &ours));
+        }
     }
     warm.check(&config.droq, &*parts.environment)?;
     Ok(warm)

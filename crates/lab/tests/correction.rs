@@ -43,16 +43,8 @@ proptest! {
         let pianist = load_pianist(&shipped_policy("twinkle").unwrap()).unwrap();
         let song = find_song("twinkle").unwrap();
         let play = RobotPlay {
-            song: &song,
-            pianist: &pianist,
-            rig: &rig,
-            mode,
-            runs: 1,
-            home: true,
-            seed: 0,
-            measures_lag: false,
             correction: Some(correction),
-            font: None,
+            ..RobotPlay::new(&song, &pianist, &rig, mode)
         };
         let (never, mut silent) = (AtomicBool::new(false), |_: &RobotStep| {});
         let mut job = Job::new(&mut silent, &never);

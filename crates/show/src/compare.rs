@@ -71,15 +71,6 @@ impl Comparison {
     }
 }
 
-/// Title of the song; both titles if the same notes have two.
-pub fn title(a: &Take, b: &Take) -> String {
-    if a.song == b.song {
-        a.song.clone()
-    } else {
-        format!("{} (A) and {} (B), which have the same notes", a.song, b.song)
-    }
-}
-
 fn stroke(take: &Take, index: usize) -> Option<Stroke> {
     let found = take.matches[index]?;
     let (due, played) = (take.due_notes[index], take.notes[found.note]);
@@ -135,10 +126,8 @@ mod tests {
                 "One.mcap (One) and Two.mcap (Two) are not of the same notes; compare performances of one song"
             );
         }
-        // The same notes under two titles: both are named.
-        assert_eq!(title(&one, &later), "One");
+        // The same notes under two titles are compared.
         let copy = take("Copy", &[(60, 1.0), (62, 1.5)]);
         assert!(Comparison::new(&one, &copy).is_ok());
-        assert_eq!(title(&one, &copy), "One (A) and Copy (B), which have the same notes");
     }
 }

@@ -1,16 +1,15 @@
 //! `etude compare`: two performances of one piece, note by note.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::bail;
 use etude_music::pitch_name;
-use etude_show::compare::{Comparison, Stroke, title};
-use etude_show::replay::{PlayedNote, Take, read_take, recordings, replay_page};
+use etude_show::compare::{Comparison, Stroke};
+use etude_show::replay::{PlayedNote, Take, read_take, recording, replay_page};
 use serde_json::json;
 
 use super::play::note_summary;
 use crate::files::output_file;
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{Ending, line, note_incomplete, print_json};
 
 /// The two performances, and the page.
 #[derive(clap::Args)]
@@ -39,7 +38,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let takes = [take(&args.one)?, take(&args.other)?];
+    let takes = [read_take(&recording(&args.one)?)?, read_take(&recording(&args.other)?)?];
     let comparison = Comparison::new(&takes[0], &takes[1])?;
     let page = args.out.map(|page| output_file(page, "html", "the name must end in .html")).transpose()?;
     if let Some(page) = &page {
@@ -58,22 +57,13 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-fn take(path: &Path) -> anyhow::Result<Take> {
-    let found = recordings(path)?;
-    let [recording] = found.as_slice() else {
-        let names: Vec<String> = found.iter().map(|path| path.display().to_string()).collect();
-        bail!("{} holds {} recordings; name one of them: {}", path.display(), found.len(), names.join(", "));
-    };
-    read_take(recording)
-}
-
 fn summary(take: &Take) -> serde_json::Value {
     json!({ "name": take.name, "song": take.song, "player": take.player, "rig": take.rig, "mode": take.mode,
               "notes": take.note_scores, "frames": take.last })
 }
 
 fn print(takes: &[Take; 2], comparison: &Comparison) -> anyhow::Result<()> {
-    line(title(&takes[0], &takes[1]))?;
+    line(&takes[0].song)?;
     for (letter, take) in ["A", "B"].into_iter().zip(takes) {
         let what = [&take.rig, &take.mode, &take.who].map(String::as_str);
         let what: Vec<&str> = what.into_iter().filter(|text| !text.is_empty()).collect();
@@ -95,11 +85,7 @@ fn print(takes: &[Take; 2], comparison: &Comparison) -> anyhow::Result<()> {
             line(format!("Wrong strokes of {letter}: {}", strokes.join(", ")))?;
         }
     }
-    for take in takes {
-        if let Some(text) = &take.incomplete {
-            note(format!("{}: {text}", take.name));
-        }
-    }
+    note_incomplete(takes);
     Ok(())
 }
 

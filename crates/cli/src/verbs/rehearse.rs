@@ -82,7 +82,7 @@ pub struct Args {
     /// joint errors and the wrongly played keys of a run correct the next run. At least three runs;
     /// homing and the performances at the end are not counted. With --iterations 0 nothing is
     /// fitted
-    #[arg(long, value_name = "MINUTES", value_parser = minutes)]
+    #[arg(long, value_name = "MINUTES", value_parser = args::positive)]
     adapt: Option<f64>,
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise
     #[arg(long, default_value_t = 0)]
@@ -243,14 +243,6 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
             iteration.scores.robot_f1,
             100.0 * iteration.scores.gap
         )),
-    }
-}
-
-/// Minutes of playing.
-fn minutes(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(minutes) if (0.1..=600.0).contains(&minutes) => Ok(minutes),
-        _ => Err("minutes are a number from 0.1 to 600".to_string()),
     }
 }
 

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use etude_perform::Job;
 use etude_show::render::Studio;
-use etude_show::replay::{read_take, recordings};
+use etude_show::replay::{read_take, recording};
 use etude_stage::View;
 
 use crate::files::output_file;
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{Ending, line, note_incomplete, print_json};
 use crate::progress::stop_flag;
 use crate::status::Status;
 
@@ -58,10 +58,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let found = recordings(&args.recording)?;
-    let [recording] = found.as_slice() else {
-        anyhow::bail!("{} holds {} recordings: name one", args.recording.display(), found.len());
-    };
+    let recording = recording(&args.recording)?;
     let is_still = args.at.is_some();
     let wanted = if is_still { "png" } else { "mp4" };
     let out = args.out.unwrap_or_else(|| recording.with_extension(wanted));
@@ -71,10 +68,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         "the name must end in .mp4; --at SECS makes a still"
     };
     let out = output_file(out, wanted, hint)?;
-    let take = read_take(recording)?;
-    if let Some(text) = &take.incomplete {
-        note(format!("{}: {text}", take.name));
-    }
+    let take = read_take(&recording)?;
+    note_incomplete(std::slice::from_ref(&take));
     let mut studio = Studio::new(&take, args.size, args.view, is_still)?;
     let what = if let Some(secs) = args.at {
         studio.still(secs, &out)?;

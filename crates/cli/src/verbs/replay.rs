@@ -7,7 +7,7 @@ use etude_show::replay::{Take, read_take, recordings, replay_page};
 use serde_json::json;
 
 use crate::files::output_file;
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{Ending, line, note, note_incomplete, print_json};
 
 /// Recordings and the page.
 #[derive(clap::Args)]
@@ -76,11 +76,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         print_json(&json!({ "page": page, "bytes": bytes, "takes": summaries }))?;
         return Ok(Ending::Done);
     }
-    for take in &takes {
-        if let Some(text) = &take.incomplete {
-            note(format!("{}: {text}", take.name));
-        }
-    }
+    note_incomplete(&takes);
     line(format!("Open in a browser: {} ({:.1} MB)", page.display(), bytes as f64 * 1e-6))?;
     Ok(Ending::Done)
 }

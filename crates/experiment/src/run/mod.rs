@@ -94,9 +94,7 @@ pub fn run_trial(
         TrialWork::Play { song, player, perform, seed } => {
             running.play(song, player, perform.as_ref(), *seed)
         }
-        TrialWork::Rehearse { training, mode, iterations, runs, twin_params, evaluations } => {
-            running.rehearse(training, *mode, [*iterations, *runs], twin_params, *evaluations)
-        }
+        TrialWork::Rehearse(config) => running.rehearse(config),
         TrialWork::Identify { twin_params, method, evaluations, seed } => {
             running.identify(twin_params, *method, *evaluations, *seed)
         }
@@ -232,16 +230,10 @@ impl RunningTrial<'_, '_> {
             self.report(&format!("playing, {mode}, {twin_params}"), at, Some(sim.f1));
             let rig = rig_choice(TWIN, twin_params)?;
             let play = RobotPlay {
-                song,
-                pianist,
-                rig: &rig,
-                mode: **mode,
                 runs: perform.runs,
-                home: true,
                 seed: SEED_STRIDE.wrapping_mul(seed),
                 measures_lag: !self.trial.sets_latency_compensation(),
-                correction: None,
-                font: None,
+                ..RobotPlay::new(song, pianist, &rig, **mode)
             };
             let on_progress = &mut |_: &_| {};
             let mut job = Job::new(on_progress, self.job.interrupt());

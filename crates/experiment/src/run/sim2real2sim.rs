@@ -3,55 +3,30 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use anyhow::Context as _;
 use etude_identify::Progress;
 use etude_lab::{
     Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, find_song, identify_robot,
     record_excitations, rehearse_on_robot,
 };
 use etude_perform::session::{TWIN, rig_choice};
-use etude_perform::{Excitation, Job, Mode};
+use etude_perform::{Excitation, Job};
 use etude_show::RehearsalPage;
 
 use super::{RunningTrial, SEED_STRIDE, result_row};
 use crate::curves::FitCurve;
 use crate::outcome::{TrialResult, TrialTimes};
-use crate::trial::TrainingConfig;
 
 /// Name of the file with the curve of a fit.
 const CURVE: &str = "curve.json";
 
 impl RunningTrial<'_, '_> {
-    pub(super) fn rehearse(
-        &mut self,
-        training: &TrainingConfig,
-        mode: Mode,
-        [iterations, runs]: [usize; 2],
-        twin_params: &str,
-        evaluations: Option<u64>,
-    ) -> anyhow::Result<(TrialResult, TrialTimes)> {
+    pub(super) fn rehearse(&mut self, config: &RehearsalConfig) -> anyhow::Result<(TrialResult, TrialTimes)> {
         let begun = Instant::now();
-        let name = training.song.clone().context("a rehearsal needs a song")?;
-        let song = find_song(&name)?;
-        let rig = rig_choice(TWIN, twin_params)?;
-        let config = RehearsalConfig {
-            song: name,
-            rig: rig.name().to_string(),
-            twin_params: Some(twin_params.to_string()),
-            iterations,
-            runs,
-            mode,
-            preset: training.preset.clone(),
-            overrides: training.set.clone(),
-            policy: None,
-            simulator: None,
-            method: IdentifyMethod::Lm,
-            evaluations,
-            seed: training.resolve()?.trainer.seed,
-            threads: Some(self.threads),
-        };
+        let song = find_song(&config.song)?;
+        let rig = rig_choice(&config.rig, config.twin_params.as_deref().unwrap_or_default())?;
+        let config = RehearsalConfig { threads: Some(self.threads), ..config.clone() };
         let (folder, interrupt) = (self.folder.join("rehearsal"), self.job.interrupt());
-        let parts = (iterations + 1) as f64;
+        let parts = (config.iterations + 1) as f64;
         let mut page = RehearsalPage::new(&config, &folder);
         let mut on_progress = |step: &RehearsalStep| match step {
             RehearsalStep::Identifying(number, at) => {
@@ -99,14 +74,8 @@ impl RunningTrial<'_, '_> {
         let noise = SEED_STRIDE.wrapping_mul(seed);
         let recordings =
             record_excitations(&rig, &Excitation::ALL, &excitations, noise, interrupt, &mut |_, _| {})?;
-        let what = Identification {
-            recordings,
-            held_out: Vec::new(),
-            method,
-            evaluations,
-            seed,
-            start: BTreeMap::new(),
-        };
+        let (held_out, start) = (Vec::new(), BTreeMap::new());
+        let what = Identification { recordings, held_out, method, evaluations, seed, start };
         let folder = self.folder.join("identified");
         let mut curve = FitCurve::open(&self.folder.join(CURVE))?;
         let mut written = Ok(());

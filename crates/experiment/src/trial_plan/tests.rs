@@ -141,8 +141,8 @@ fn twin_parameters_are_part_of_the_work_and_each_set_has_its_rehearsal() {
     assert_eq!(rehearsals.len(), 2 * one.len());
     assert_eq!(ids(&rehearsals).len(), rehearsals.len());
     for trial in &rehearsals {
-        let TrialWork::Rehearse { twin_params, .. } = &trial.work else { panic!("{trial:?}") };
-        assert_eq!(&trial.labels["twin_params"], twin_params);
+        let TrialWork::Rehearse(rehearsal) = &trial.work else { panic!("{trial:?}") };
+        assert_eq!(Some(&trial.labels["twin_params"]), rehearsal.twin_params.as_ref());
     }
 }
 

@@ -314,16 +314,10 @@ impl Adaptation<'_> {
         let mut pianist = self.pianist.clone();
         pianist.config.task.key_schedule.latency_compensation_secs = self.latency_compensation_secs(played);
         let play = RobotPlay {
-            song: self.song,
-            pianist: &pianist,
-            rig: self.rig,
-            mode: self.config.mode,
             runs,
-            home: true,
             seed: self.config.seed.wrapping_add(seed),
-            measures_lag: false,
             correction: Some(played.added()),
-            font: None,
+            ..RobotPlay::new(self.song, &pianist, self.rig, self.config.mode)
         };
         let report = play_on_robot(&play, Some(folder), planner, job);
         all_complete(report, job.is_interrupted(), "adapting")

@@ -242,17 +242,12 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
+        let pianist = load_pianist(policy)?;
         let play = RobotPlay {
-            song: self.song,
-            pianist: &load_pianist(policy)?,
-            rig: self.rig,
-            mode: self.config.mode,
             runs: self.config.runs,
-            home: true,
             seed: self.config.seed.wrapping_add(1000 * iteration as u64),
             measures_lag: !set_latency_compensation(&self.config.overrides),
-            correction: None,
-            font: None,
+            ..RobotPlay::new(self.song, &pianist, self.rig, self.config.mode)
         };
         let to_step = |step: &RobotStep| RehearsalStep::Playing(iteration, step.clone());
         let played =

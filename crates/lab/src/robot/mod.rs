@@ -58,6 +58,14 @@ pub struct RobotPlay<'a> {
     pub font: Option<&'a SoundFont>,
 }
 
+impl<'a> RobotPlay<'a> {
+    /// One run from the rest position, with nothing measured before and nothing corrected.
+    pub fn new(song: &'a Song, pianist: &'a Pianist, rig: &'a RigChoice, mode: Mode) -> Self {
+        let (home, measures_lag) = (true, false);
+        Self { song, pianist, rig, mode, runs: 1, home, seed: 0, measures_lag, correction: None, font: None }
+    }
+}
+
 /// Progress of a performance on a robot.
 #[derive(Clone, Debug)]
 pub enum RobotStep {

@@ -61,6 +61,19 @@ pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
+/// The recording that a path means, as [`recordings`].
+///
+/// # Errors
+/// As that, and if there are several.
+pub fn recording(path: &Path) -> anyhow::Result<PathBuf> {
+    let found = recordings(path)?;
+    let [recording] = found.as_slice() else {
+        let names: Vec<String> = found.iter().map(|path| path.display().to_string()).collect();
+        bail!("{} holds {} recordings; name one of them: {}", path.display(), found.len(), names.join(", "));
+    };
+    Ok(recording.clone())
+}
+
 /// Reads a recording as the page needs it.
 ///
 /// # Errors
