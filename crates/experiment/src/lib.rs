@@ -20,7 +20,7 @@ mod trial_plan_file;
 pub use config::{
     Experiment, FigureConfig, FigureKind, FitConfig, PerformConfig, Published, RehearseConfig, Variant, names,
 };
-pub use local::{ATTENDED, BUSY, LOG, LaunchProgress, LaunchReport, LocalConfig, launch_local};
+pub use local::{ATTENDED, BUSY, LOG, Launch, LocalConfig, launch_local};
 pub use outcome::{ResultRow, TrialEnd, TrialProgress, TrialResult, TrialState, TrialTimes, Values};
 pub use report::{ReportPage, write_report};
 pub use run::run_trial;

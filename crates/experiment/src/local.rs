@@ -39,38 +39,29 @@ pub struct LocalConfig {
     pub threads: usize,
 }
 
-/// The progress of a launch.
+/// How far a launch has got.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LaunchProgress {
-    /// Trials that are done, including those of earlier launches.
-    pub done: usize,
+pub struct Launch {
     /// Trials of the plan.
     pub total: usize,
-    /// Trials that failed.
-    pub failed: usize,
-    /// Running trials, by id.
-    pub running: BTreeMap<String, TrialProgress>,
-}
-
-impl LaunchProgress {
-    /// The share of all trials that is done, 0 to 1.
-    pub fn share(&self) -> f64 {
-        let running: f64 = self.running.values().map(|trial| trial.share).sum();
-        ((self.done + self.failed) as f64 + running) / self.total.max(1) as f64
-    }
-}
-
-/// The result of a launch.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LaunchReport {
-    /// Trials that are done.
+    /// Trials that are done, including those of earlier launches.
     pub done: usize,
     /// Trials that another process is at work on.
     pub busy: usize,
     /// Trials that failed, and the last line that each wrote.
     pub failed: Vec<(String, String)>,
+    /// Running trials, by id.
+    pub running: BTreeMap<String, TrialProgress>,
     /// Whether it was stopped on request.
     pub stopped: bool,
+}
+
+impl Launch {
+    /// The share of all trials that is done, 0 to 1.
+    pub fn share(&self) -> f64 {
+        let running: f64 = self.running.values().map(|trial| trial.share).sum();
+        ((self.done + self.failed.len()) as f64 + running) / self.total.max(1) as f64
+    }
 }
 
 struct Worker {
@@ -93,8 +84,8 @@ pub fn launch_local(
     plan: &Path,
     runs: &Path,
     config: &LocalConfig,
-    job: &mut Job<'_, LaunchProgress>,
-) -> anyhow::Result<LaunchReport> {
+    job: &mut Job<'_, Launch>,
+) -> anyhow::Result<Launch> {
     // Different variants may have the same trial.
     let mut seen = BTreeSet::new();
     let (done, mut waiting): (VecDeque<_>, VecDeque<_>) = trials
@@ -102,15 +93,14 @@ pub fn launch_local(
         .enumerate()
         .filter(|(_, trial)| seen.insert(trial.id.as_str()))
         .partition(|(_, trial)| runs.join(&trial.id).join(RESULT).is_file());
-    let mut progress = LaunchProgress { done: done.len(), total: seen.len(), ..LaunchProgress::default() };
-    let mut report = LaunchReport::default();
+    let mut launch = Launch { done: done.len(), total: seen.len(), ..Launch::default() };
     let mut workers: Vec<Worker> = Vec::new();
     let (sender, lines): (Sender<ProgressLine>, Receiver<ProgressLine>) = channel();
-    job.report(&progress);
+    job.report(&launch);
     loop {
         let stop = job.is_interrupted();
         if stop {
-            report.stopped = true;
+            launch.stopped = true;
             waiting.clear();
             workers.iter_mut().for_each(|worker| drop(worker.child.stdin.take()));
         }
@@ -126,7 +116,7 @@ pub fn launch_local(
         for (id, at) in first.into_iter().chain(lines.try_iter()) {
             // A process that has ended may still have lines in the channel.
             if workers.iter().any(|worker| worker.id == id) {
-                progress.running.insert(id, at);
+                launch.running.insert(id, at);
             }
         }
         let mut going = Vec::new();
@@ -136,15 +126,14 @@ pub fn launch_local(
                 going.push(worker);
                 continue;
             };
-            progress.running.remove(&worker.id);
+            launch.running.remove(&worker.id);
             match status.code() {
-                Some(0) => progress.done += 1,
+                Some(0) => launch.done += 1,
                 Some(STOPPED) if stop => {}
-                Some(code) if code == i32::from(BUSY) => report.busy += 1,
+                Some(code) if code == i32::from(BUSY) => launch.busy += 1,
                 _ => {
-                    progress.failed += 1;
                     let message = last_line(&runs.join(&worker.id).join(LOG), worker.logged);
-                    report.failed.push((
+                    launch.failed.push((
                         worker.id,
                         format!("{status}{}", message.map_or_else(String::new, |line| format!(": {line}"))),
                     ));
@@ -152,10 +141,9 @@ pub fn launch_local(
             }
         }
         workers = going;
-        job.report(&progress);
+        job.report(&launch);
     }
-    report.done = progress.done;
-    Ok(report)
+    Ok(launch)
 }
 
 fn start(

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Subcommand, ValueEnum, ValueHint};
 use etude_experiment::{
-    Experiment, ExperimentConfig, LaunchProgress, LocalConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
+    Experiment, ExperimentConfig, Launch, LocalConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
     TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
     submit, write_plan,
 };
@@ -230,7 +230,7 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
     let workers = args.workers.map_or_else(|| (cores / threads).max(1), usize::from);
     let stop = stop_flag()?;
     let mut status = Status::new(false);
-    let mut tell = |at: &LaunchProgress| status.part("trials", &running(at), at.share());
+    let mut tell = |at: &Launch| status.part("trials", &running(at), at.share());
     let config = LocalConfig { program, workers, threads };
     let report = launch_local(trials, plan, &args.runs, &config, &mut Job::new(&mut tell, &stop))?;
     drop(status);
@@ -250,14 +250,14 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
     }
 }
 
-fn running(at: &LaunchProgress) -> String {
+fn running(at: &Launch) -> String {
     let one = |(id, trial): (&String, &TrialProgress)| {
         let f1 = trial.f1.map_or_else(String::new, |f1| format!(" F1 {f1:.3}"));
         // Without the fingerprint.
         let name = id.rsplit_once("__").map_or(id.as_str(), |(name, _)| name);
         format!("  {name}: {} {:.0} %{f1}", trial.phase, 100.0 * trial.share)
     };
-    let failed = if at.failed > 0 { format!(", {} failed", at.failed) } else { String::new() };
+    let failed = if at.failed.is_empty() { String::new() } else { format!(", {} failed", at.failed.len()) };
     let running: String = at.running.iter().map(one).collect();
     format!(": {} of {} done{failed}{running}", at.done, at.total)
 }

@@ -6,8 +6,8 @@ use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
     AdaptConfig, AdaptStep, Adapted, IdentifyMethod, Iteration, RehearsalConfig, RehearsalStep, RobotRun,
-    RobotStep, SIGHT_READER, adapt_on_robot, adapted_before, best_iteration, find_song, policy_called,
-    rehearse_on_robot, shipped_policy,
+    RobotScores, RobotStep, SIGHT_READER, adapt_on_robot, adapted_before, best_iteration, find_song,
+    policy_called, rehearse_on_robot, shipped_policy,
 };
 use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Job, Mode, shell_word};
@@ -172,7 +172,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         page.checked()?;
         return Ok(Ending::Done);
     }
-    print(&iterations, config.mode)?;
+    iterations.iter().map(iteration_summary).try_for_each(line)?;
     if let Some(adapted) = &adapted {
         print_adapted(adapted)?;
     }
@@ -235,14 +235,7 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
         RehearsalStep::Playing(iteration, RobotStep::LagMeasured { run, latency_compensation_secs }) => {
             status.done(&format!("iteration {iteration}: {}", lag_measured(run, *latency_compensation_secs)));
         }
-        RehearsalStep::Iteration(iteration) => status.done(&format!(
-            "iteration {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",
-            iteration.iteration,
-            iteration.scores.notes,
-            iteration.scores.sim_f1,
-            iteration.scores.robot_f1,
-            100.0 * iteration.scores.gap
-        )),
+        RehearsalStep::Iteration(iteration) => status.done(&iteration_summary(iteration)),
     }
 }
 
@@ -291,32 +284,17 @@ fn print_adapted(adapted: &Adapted) -> anyhow::Result<()> {
     ))
 }
 
-fn print(iterations: &[Iteration], mode: Mode) -> anyhow::Result<()> {
-    line(format!(
-        "{:<8}{:>14}{:>8}{:>8}{:>16}{:>16}{:>8}   held-out error of the fingers, mrad",
-        "iteration",
-        "notes right",
-        "wrong",
-        "late",
-        "F1, simulation",
-        mode.name(),
-        "gap"
-    ))?;
-    for iteration in iterations {
-        let scores = &iteration.scores;
-        let held_out = iteration
-            .held_out_rad
-            .map_or_else(String::new, |[before, after]| format!("{:.2} → {:.2}", before * 1e3, after * 1e3));
-        line(format!(
-            "{:<8}{:>14}{:>8.1}{:>8}{:>16.3}{:>16}{:>8}   {held_out}",
-            iteration.iteration,
-            format!("{:.1} of {}", scores.notes.notes_right, scores.notes.notes_due),
-            scores.notes.notes_wrong,
-            scores.lag_secs.map_or_else(String::new, |lag| format!("{:+.0} ms", lag * 1e3)),
-            scores.sim_f1,
-            format!("{:.3} ± {:.3}", scores.robot_f1, scores.robot_f1_std),
-            format!("{:.1} %", 100.0 * scores.gap)
-        ))?;
-    }
-    Ok(())
+fn iteration_summary(iteration: &Iteration) -> String {
+    let RobotScores { notes, lag_secs, sim_f1, robot_f1, robot_f1_std, gap, .. } = &iteration.scores;
+    let late = lag_secs.map_or_else(String::new, |lag| format!(", {:+.0} ms late", lag * 1e3));
+    let held_out = iteration.held_out_rad.map(|errors| errors.map(|rad| rad * 1e3));
+    let held_out = held_out.map_or_else(String::new, |[before, after]| {
+        format!("; held-out error of the fingers {before:.2} → {after:.2} mrad")
+    });
+    format!(
+        "iteration {}: {notes} on the robot{late}; F1 {sim_f1:.3} in simulation, {robot_f1:.3} ± {robot_f1_std:.3} on the robot: \
+         a gap of {:.1} %{held_out}",
+        iteration.iteration,
+        100.0 * gap
+    )
 }
