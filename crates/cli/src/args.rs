@@ -100,19 +100,10 @@ impl PianistArgs {
 
     /// The player of `song`, which the user named `asked`; warns if it learned another song.
     pub fn load(&self, asked: &str, song: &Song, planner: &mut SongPlanner<'_>) -> anyhow::Result<Pianist> {
-        let mut passed_over = None;
-        let mut pianist = if self.scripted {
-            Pianist::scripted()
-        } else {
-            match &self.policy {
-                Some(policy) => load_pianist(&policy_called(policy)?)?,
-                None => {
-                    let Chosen { pianist, passed_over: over } =
-                        pianist_for(asked, &slug(asked), song, planner)?;
-                    passed_over = over;
-                    pianist
-                }
-            }
+        let Chosen { mut pianist, passed_over } = match &self.policy {
+            _ if self.scripted => Chosen { pianist: Pianist::scripted(), passed_over: None },
+            Some(policy) => Chosen { pianist: load_pianist(&policy_called(policy)?)?, passed_over: None },
+            None => pianist_for(asked, &slug(asked), song, planner)?,
         };
         if !self.overrides.is_empty() {
             let changes = pianist.reconfigure(&self.overrides)?;

@@ -33,15 +33,12 @@ struct Bar {
 
 /// The strip of one take.
 pub(crate) struct Strip {
-    width: usize,
-    height: usize,
     low: u8,
     high: u8,
     bars: Vec<Bar>,
     bar_lines: Vec<f64>,
     /// The rows of the keys, on which the notes are drawn.
-    paper: Vec<u8>,
-    pixels: Vec<u8>,
+    paper: Canvas,
 }
 
 impl Strip {
@@ -64,39 +61,29 @@ impl Strip {
         let due = take.due_notes.iter().map(|note| bar(*note, None));
         let played = take.judged_notes().into_iter().map(|judged| bar(judged.note, Some(judged.judgement)));
         let (width, height) = (width as usize, height as usize);
-        let mut strip = Self {
-            width,
-            height,
-            low,
-            high,
-            bars: due.chain(played).collect(),
-            bar_lines: take.bar_secs.clone(),
-            paper: PAPER.repeat(width * height),
-            pixels: Vec::new(),
-        };
+        let paper = Canvas { pixels: PAPER.repeat(width * height), width, height };
+        let bar_lines = take.bar_secs.clone();
+        let mut strip = Self { low, high, bars: due.chain(played).collect(), bar_lines, paper };
         for pitch in (low..=high).filter(|pitch| key_is_black(usize::from(*pitch))) {
             let rows = strip.rows(pitch, 0.0);
-            let canvas = &mut Canvas { pixels: &mut strip.paper, width, height };
-            canvas.fill([0.0, width as f64], rows, SHADE);
+            strip.paper.fill([0.0, width as f64], rows, SHADE);
         }
         Some(strip)
     }
 
     /// Upper and lower edge of a pitch's row without the share `inset` on either side, pixels.
     fn rows(&self, pitch: u8, inset: f64) -> [f64; 2] {
-        let row = self.height as f64 / f64::from(self.high - self.low + 1);
+        let row = self.paper.height as f64 / f64::from(self.high - self.low + 1);
         let top = f64::from(self.high - pitch) * row;
         [top + inset * row, top + (1.0 - inset) * row]
     }
 
     /// The strip at a time: rows from top to bottom, three bytes a pixel. Past notes show their
     /// judgement.
-    pub fn paint(&mut self, secs: f64) -> &[u8] {
-        let (width, height) = (self.width as f64, self.height as f64);
+    pub fn paint(&self, secs: f64) -> Vec<u8> {
+        let mut canvas = self.paper.clone();
+        let (width, height) = (canvas.width as f64, canvas.height as f64);
         let x = move |at: f64| ((at - secs) / SPAN_SECS + PAST) * width;
-        let mut pixels = std::mem::take(&mut self.pixels);
-        pixels.clone_from(&self.paper);
-        let canvas = &mut Canvas { pixels: &mut pixels, width: self.width, height: self.height };
         for at in &self.bar_lines {
             canvas.fill([x(*at), x(*at) + 1.0], [0.0, height], LINE);
         }
@@ -118,8 +105,7 @@ impl Strip {
         }
         canvas.fill([x(secs) - 1.0, x(secs) + 1.0], [0.0, height], INK);
         canvas.fill([0.0, width], [0.0, 1.0], LINE);
-        self.pixels = pixels;
-        &self.pixels
+        canvas.pixels
     }
 }
 
@@ -132,13 +118,14 @@ fn pale(colour: [u8; 3]) -> [u8; 3] {
     std::array::from_fn(mixed)
 }
 
-struct Canvas<'a> {
-    pixels: &'a mut [u8],
+#[derive(Clone)]
+struct Canvas {
+    pixels: Vec<u8>,
     width: usize,
     height: usize,
 }
 
-impl Canvas<'_> {
+impl Canvas {
     /// Fills a rectangle with the paper's colour and diagonal lines, which move with it.
     fn hatch(&mut self, xs: [f64; 2], ys: [f64; 2], colour: [u8; 3]) {
         self.fill(xs, ys, PAPER);
@@ -221,29 +208,29 @@ mod tests {
 
     #[test]
     fn notes_run_to_the_line_and_show_how_they_were_played() {
-        let mut strip = Strip::new(&take(), 600, 130).unwrap();
+        let strip = Strip::new(&take(), 600, 130).unwrap();
         // 100 pixels a second, now at 180.
-        let at = |strip: &mut Strip, secs: f64, x: usize, pitch: u8| -> [u8; 3] {
+        let at = |secs: f64, x: usize, pitch: u8| -> [u8; 3] {
             let y = strip.rows(pitch, 0.5)[0] as usize;
             let pixels = strip.paint(secs);
             pixels[3 * (y * 600 + x)..][..3].try_into().unwrap()
         };
         // Before it begins, both notes are to come.
-        assert_eq!(at(&mut strip, -0.5, 180 + 100, 60), COMING);
-        assert_eq!(at(&mut strip, -0.5, 180 + 200, 64), COMING);
-        assert_ne!(at(&mut strip, -0.5, 180 + 200, 67), NoteJudgement::Wrong.colour());
+        assert_eq!(at(-0.5, 180 + 100, 60), COMING);
+        assert_eq!(at(-0.5, 180 + 200, 64), COMING);
+        assert_ne!(at(-0.5, 180 + 200, 67), NoteJudgement::Wrong.colour());
         // In the middle of the first, its beginning was right, its end is to come.
-        assert_eq!(at(&mut strip, 0.5, 180 - 25, 60), NoteJudgement::Right.colour());
-        assert_eq!(at(&mut strip, 0.5, 180 + 25, 60), COMING);
-        assert_eq!(at(&mut strip, 0.5, 180, 60), INK);
+        assert_eq!(at(0.5, 180 - 25, 60), NoteJudgement::Right.colour());
+        assert_eq!(at(0.5, 180 + 25, 60), COMING);
+        assert_eq!(at(0.5, 180, 60), INK);
         // At the end the second was missed: an outline, hatched; and another key sounded.
         let edge = strip.rows(64, 0.15)[0] as usize;
-        assert_eq!(at(&mut strip, 2.0, 180 - 50, 67), NoteJudgement::Wrong.colour());
+        assert_eq!(at(2.0, 180 - 50, 67), NoteJudgement::Wrong.colour());
         let pixels = strip.paint(2.0);
         assert_eq!(pixels[3 * (edge * 600 + 130)..][..3], NoteJudgement::Missed.colour());
         let middle = strip.rows(64, 0.5)[0] as usize;
         let row: Vec<[u8; 3]> =
-            (100..160).map(|x| strip.pixels[3 * (middle * 600 + x)..][..3].try_into().unwrap()).collect();
+            (100..160).map(|x| pixels[3 * (middle * 600 + x)..][..3].try_into().unwrap()).collect();
         assert!(row.contains(&PAPER) && row.contains(&NoteJudgement::Missed.colour()));
     }
 }

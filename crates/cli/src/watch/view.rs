@@ -100,11 +100,8 @@ impl View {
         (b'a'..=b'z').map(char::from).cycle().nth(run).unwrap_or('a')
     }
 
-    pub(super) fn colour(&self, run: usize) -> Color {
-        if self.colours { Color::Indexed(COLOURS[run % COLOURS.len()]) } else { Color::Reset }
-    }
-
     pub(super) fn style(&self, run: usize) -> Style {
-        Style::new().fg(self.colour(run))
+        let colour = if self.colours { Color::Indexed(COLOURS[run % COLOURS.len()]) } else { Color::Reset };
+        Style::new().fg(colour)
     }
 }

@@ -34,7 +34,6 @@ pub struct Studio<'a> {
     size: [u32; 2],
     /// What is drawn besides MuJoCo's shapes.
     ornaments: Vec<SceneGeom>,
-    pixels: Vec<u8>,
 }
 
 impl<'a> Studio<'a> {
@@ -71,10 +70,10 @@ impl<'a> Studio<'a> {
         let below = strip.as_ref().map_or(0, |_| Strip::height_in(size[1]));
         let painter = Painter::new(&mut world, [size[0], size[1] - below], view, smooth)?;
         let ornaments = world.visual_geoms();
-        Ok(Self { take, world, painter, strip, size, ornaments, pixels: Vec::new() })
+        Ok(Self { take, world, painter, strip, size, ornaments })
     }
 
-    fn paint(&mut self, secs: f64) -> anyhow::Result<&[u8]> {
+    fn paint(&mut self, secs: f64) -> anyhow::Result<Vec<u8>> {
         let sounding = self.take.notes.iter().filter(|note| (note.start..note.end).contains(&secs));
         let down = KeySet::from_pitches(sounding.map(|note| note.pitch));
         self.world.pose(&joints_at(self.take, secs), down);
@@ -82,12 +81,11 @@ impl<'a> Studio<'a> {
         let mut shapes = self.ornaments.clone();
         shapes.extend((0..FINGERS).flat_map(|finger| shadow(self.world.fingertip(finger))));
         shapes.extend(self.take.arm.iter().flat_map(|arm| links(arm, secs * self.take.control_hz - 1.0)));
-        self.pixels.clear();
-        self.pixels.extend_from_slice(self.painter.paint(&mut self.world, &shapes)?);
-        if let Some(strip) = &mut self.strip {
-            self.pixels.extend_from_slice(strip.paint(secs));
+        let mut pixels = self.painter.paint(&mut self.world, &shapes)?.to_vec();
+        if let Some(strip) = &self.strip {
+            pixels.extend(strip.paint(secs));
         }
-        Ok(&self.pixels)
+        Ok(pixels)
     }
 
     /// Writes the picture at `secs` as PNG.
@@ -102,9 +100,8 @@ impl<'a> Studio<'a> {
                 self.take.secs()
             );
         }
-        let size = self.size;
         let pixels = self.paint(secs)?;
-        write_png(path, size, pixels)
+        write_png(path, self.size, &pixels)
     }
 
     /// Writes the whole recording as a video with its sound. Reports the share that is done, 0 to 1.
@@ -133,7 +130,7 @@ impl<'a> Studio<'a> {
             if job.is_interrupted() {
                 return Err(Interrupted("stopped on request; nothing was kept".to_string()).into());
             }
-            if pipe.write_all(self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?).is_err() {
+            if pipe.write_all(&self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?).is_err() {
                 break;
             }
             job.report(&(f64::from(frame + 1) / f64::from(frames)));

@@ -36,7 +36,7 @@ impl Server {
                 "folder": self.workspace.root.display().to_string(),
                 "songs": self.workspace.songs(),
                 "jobs": self.jobs.status(),
-                "performances": self.workspace.performances(),
+                "performances": self.workspace.performances().iter().map(|it| &it.about).collect::<Vec<_>>(),
                 "comparisons": self.workspace.comparisons(),
                 "runs": self.workspace.runs(),
             }),

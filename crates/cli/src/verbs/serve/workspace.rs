@@ -40,24 +40,12 @@ pub struct ListedSong {
     pub title: String,
 }
 
-/// A performance with its files.
-#[derive(Debug, Serialize)]
+/// A performance.
 pub struct Performance {
     pub recording: PathBuf,
-    wav: PathBuf,
-    reference: PathBuf,
-    /// Its replay page, if there is one.
-    page: Option<PathBuf>,
-    song: String,
-    player: String,
-    /// The execution mode; none in simulation.
-    mode: Option<String>,
-    f1: Option<f64>,
-    notes_right: Option<u64>,
-    notes_due: Option<u64>,
-    notes_wrong: Option<u64>,
-    #[serde(skip)]
     modified: Option<SystemTime>,
+    /// Its files and scores, for the page.
+    pub about: Value,
 }
 
 /// A training with its curves.
@@ -279,7 +267,6 @@ fn modified(path: &Path) -> Option<SystemTime> {
 fn performed(folder: &Path) -> Vec<Performance> {
     let report = std::fs::read(folder.join(REPORT)).ok();
     let report = report.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()).unwrap_or_default();
-    let text = |key: &str| report[key].as_str().map(str::to_string);
     let runs = report["runs"].as_array().cloned().unwrap_or_else(|| vec![report.clone()]);
     let one = |run: &Value| {
         // The folder may have been moved.
@@ -287,21 +274,16 @@ fn performed(folder: &Path) -> Vec<Performance> {
         let recording = file("recording").filter(|path| path.is_file())?;
         let made = modified(&recording);
         let page = Some(replay_page(&recording)).filter(|page| modified(page) >= made && page.is_file());
-        let count = |key: &str| run[key].as_u64();
-        Some(Performance {
-            page,
-            wav: file("wav")?,
-            reference: file("reference")?,
-            song: text("song")?,
-            player: text("player")?,
-            mode: text("mode"),
-            f1: run["f1"].as_f64(),
-            notes_right: count("matched"),
-            notes_due: count("matched").zip(count("missed")).map(|(right, missed)| right + missed),
-            notes_wrong: count("wrong"),
-            modified: made,
-            recording,
-        })
+        let due = run["matched"].as_u64().zip(run["missed"].as_u64()).map(|(right, missed)| right + missed);
+        let about = json!({
+            "recording": recording, "wav": file("wav")?, "reference": file("reference")?,
+            "page": page, // If there is one.
+            "song": report["song"].as_str()?, "player": report["player"].as_str()?,
+            "mode": report["mode"], // None in simulation.
+            "f1": run["f1"],
+            "notes_right": run["matched"], "notes_due": due, "notes_wrong": run["wrong"],
+        });
+        Some(Performance { modified: made, about, recording })
     };
     runs.iter().filter_map(one).collect()
 }
