@@ -22,10 +22,9 @@ pub fn explained(mut error: clap::Error, mut root: Command, words: &[String]) ->
         ErrorKind::InvalidSubcommand => {
             context(ContextKind::InvalidSubcommand).map(|word| commands(&root, words, &word))
         }
-        ErrorKind::UnknownArgument => context(ContextKind::InvalidArg).map(|option| {
-            let known = error.get(ContextKind::SuggestedArg).is_some();
-            options(&root, &option, known).into_iter().collect()
-        }),
+        ErrorKind::UnknownArgument => {
+            context(ContextKind::InvalidArg).map(|option| options(&root, &option).into_iter().collect())
+        }
         _ => None,
     };
     let tips: Vec<StyledStr> = found.unwrap_or_default().into_iter().map(StyledStr::from).collect();
@@ -84,37 +83,14 @@ fn is_midi(word: &str) -> bool {
     extension.is_some_and(|extension| extension == "mid" || extension == "midi")
 }
 
-/// The commands with `option`; if there are none and `known` is false, those with a similar one.
-fn options(root: &Command, option: &str, known: bool) -> Option<String> {
+/// The commands with `option`, if there are some.
+fn options(root: &Command, option: &str) -> Option<String> {
+    let is_it = |arg: &Arg| arg.get_long().is_some_and(|long| option == format!("--{long}"));
     let all = tree(root);
-    let names = |arg: &Arg| {
-        let long = arg.get_long().map(|long| format!("--{long}"));
-        long.into_iter().chain(arg.get_short().map(|short| format!("-{short}"))).collect::<Vec<_>>()
-    };
-    let of = |name: &str| {
-        let has =
-            |command: &Command| command.get_arguments().any(|arg| names(arg).iter().any(|own| own == name));
-        let paths: Vec<String> = all
-            .iter()
-            .filter(|(_, command)| has(command))
-            .map(|(path, _)| format!("`etude {}`", path.join(" ")))
-            .collect();
-        match paths.len() {
-            0 => None,
-            count if count > MAX_SUGGESTIONS => {
-                Some(format!("{} and other commands", paths[..MAX_SUGGESTIONS].join(", ")))
-            }
-            _ => Some(paths.join(", ")),
-        }
-    };
-    if let Some(commands) = of(option) {
-        return Some(format!("`{option}` is an option of {commands}"));
-    }
-    let longs: Vec<String> =
-        all.iter().flat_map(|(_, command)| command.get_arguments()).flat_map(names).collect();
-    let meant = similar_names(option, longs.iter().map(String::as_str).filter(|name| name.starts_with("--")));
-    let name = meant.first().filter(|_| !known)?;
-    Some(format!("did you mean `{name}`, an option of {}?", of(name)?))
+    let having = all.iter().filter(|(_, command)| command.get_arguments().any(is_it));
+    let paths: Vec<String> =
+        having.map(|(path, _)| format!("`etude {}`", path.join(" "))).take(MAX_SUGGESTIONS).collect();
+    (!paths.is_empty()).then(|| format!("`{option}` is an option of {}", paths.join(", ")))
 }
 
 /// Every visible command with its path, parents first.

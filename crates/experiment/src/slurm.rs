@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{anyhow, bail};
+use etude_lab::slug;
 use etude_perform::{shell_word, write_file};
 
 use crate::outcome::{RESULT, TrialState};
-use crate::trial::{Trial, slug};
+use crate::trial::Trial;
 
 /// How a plan goes through Slurm.
 #[derive(Clone, Debug)]

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use etude_lab::{
     IdentifyMethod, RehearsalConfig, RunConfig, beginning_with, load_pianist, policy_called, resolve,
-    set_latency_compensation,
+    set_latency_compensation, slug,
 };
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
@@ -147,9 +147,4 @@ pub(crate) fn id(kind: &str, what: &str, seed: u64, all: &str) -> String {
     let stem =
         Path::new(what).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     format!("{kind}__{}__{seed}__{:016x}", slug(&stem), fnv(all.as_bytes()))
-}
-
-/// A name as part of a file's.
-pub(crate) fn slug(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
 }

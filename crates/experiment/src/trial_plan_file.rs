@@ -4,10 +4,11 @@ use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
+use etude_lab::slug;
 use etude_learn::seed::fnv;
 use etude_perform::write_file;
 
-use crate::trial::{Trial, json, slug};
+use crate::trial::{Trial, json};
 
 /// Characters of a plan's name at most: a plan of all experiments would have a long one.
 const MAX_NAME_LEN: usize = 64;

@@ -31,7 +31,7 @@ pub fn record_excitations(
         if !excitations.contains(&excitation) {
             continue;
         }
-        let path = folder.join(excitation_file(excitation));
+        let path = folder.join(format!("{excitation}.mcap"));
         if !path.is_file() {
             let partial = path.with_extension("partial");
             let motion = RobotMotion::Excitation(excitation);
@@ -47,9 +47,4 @@ pub fn record_excitations(
         paths.push(path);
     }
     Ok(paths)
-}
-
-/// Name of the recording of an excitation in its folder.
-fn excitation_file(excitation: Excitation) -> String {
-    format!("{excitation}.mcap")
 }

@@ -77,7 +77,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     };
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);
-    let mut tell = |at: &Progress| show(&mut status, at);
+    let mut tell = |at: &Progress| {
+        let [phase, state] = fit_progress(at);
+        status.now(&phase, &state);
+    };
     let report = identify_robot(&what, &args.out, &mut Job::new(&mut tell, &stop))?;
     drop(status);
     if args.json {
@@ -115,11 +118,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     line(format!("{:<18} {}", "repeated keys", restrike(silences, &task.key_schedule)))?;
     line(format!("The simulator as identified is {}", report.file.display()))?;
     Ok(Ending::Done)
-}
-
-fn show(status: &mut Status, at: &Progress) {
-    let [phase, state] = fit_progress(at);
-    status.now(&phase, &state);
 }
 
 /// The pass of a fit and its progress. It ends when all is settled, so the time left is an upper

@@ -351,7 +351,6 @@ fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
             &["--twin-params", "is an option of `etude perform`", "`etude twin`"],
         ),
         ("doctor --joints", &["is an option of `etude robot check`"]),
-        ("doctor --by-hnad", &["did you mean `--by-hand`, an option of `etude robot calibrate`?"]),
         ("play twinkle --polic x", &["--policy"]),
         ("train twinkle --preset fsat", &["'fsat'", "similar value exists: 'fast'"]),
         ("rehearse twinkle --preset fsat", &["similar value exists: 'fast'"]),
