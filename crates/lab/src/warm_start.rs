@@ -84,7 +84,7 @@ pub(crate) fn warm_start(
     // A training of any song can begin with what has learned a corpus, and one of a corpus with
     // what has learned a song.
     if let Some((theirs, ours)) = learned.zip(song).filter(|(theirs, ours)| theirs != ours) {
-        return Err(differ("song", &theirs, &ours));
+        return Err(differ("song", &format!("`{theirs}`"), &format!("`{ours}`")));
     }
     let [theirs, ours] = [&theirs, config].map(|config| json!({ "task": config.task }));
     for setting in SAME_SETTINGS.split_whitespace() {

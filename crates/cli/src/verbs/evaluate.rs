@@ -63,7 +63,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song) + "-worlds"));
     let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
     let stop = stop_flag()?;
-    let status = Mutex::new(Status::new(args.json));
+    let status = Mutex::new(Status::late(args.json));
     let watch = |done: usize| {
         let share = done as f64 / (f64::from(args.worlds) + 1.0);
         let mut status = status.lock().unwrap_or_else(PoisonError::into_inner);
