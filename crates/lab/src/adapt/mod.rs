@@ -284,7 +284,9 @@ impl Adaptation<'_> {
 
     /// The latency compensation of a run, s.
     fn latency_compensation_secs(&self, played: &RunCorrections) -> f64 {
-        played.latency_compensation_secs.unwrap_or(self.pianist.config.task.key_schedule.latency_compensation_secs)
+        played
+            .latency_compensation_secs
+            .unwrap_or(self.pianist.config.task.key_schedule.latency_compensation_secs)
     }
 
     /// Writes the correction of a run for `etude perform`, and returns its file.
