@@ -72,7 +72,7 @@ pub enum RobotStep {
     /// A run before the others has measured how late the notes are.
     LagMeasured {
         /// Its result.
-        run: RobotRun,
+        run: Box<RobotRun>,
         /// The latency compensation from now on, s; none if no note would be right with another
         /// one.
         latency_compensation_secs: Option<f64>,
@@ -82,7 +82,7 @@ pub enum RobotStep {
         /// Which one, from 0.
         index: usize,
         /// Its result.
-        run: RobotRun,
+        run: Box<RobotRun>,
     },
 }
 
@@ -161,7 +161,7 @@ fn play_on_time(
     let measured = play_runs(&once, piece, folder, planner, &mut Job::new(&mut |_| {}, job.interrupt()))?;
     let run = &measured.runs[0];
     if run.ending != Ending::Complete {
-        job.report(&RobotStep::RunEnded { index: 0, run: run.clone() });
+        job.report(&RobotStep::RunEnded { index: 0, run: Box::new(run.clone()) });
         return Ok(RobotReport { only_measuring: true, ..measured });
     }
     if let Some(folder) = folder {
@@ -170,7 +170,7 @@ fn play_on_time(
         }
     }
     let latency_compensation_secs = measured.scores.on_time_compensation_secs();
-    job.report(&RobotStep::LagMeasured { run: run.clone(), latency_compensation_secs });
+    job.report(&RobotStep::LagMeasured { run: Box::new(run.clone()), latency_compensation_secs });
     let mut pianist = play.pianist.clone();
     pianist.config.task.key_schedule.latency_compensation_secs =
         latency_compensation_secs.unwrap_or(measured.scores.latency_compensation_secs);
@@ -236,7 +236,7 @@ fn play_runs(
             write_performance(files, &performance, font)?;
         }
         let run = RobotRun::new(performance, files);
-        job.report(&RobotStep::RunEnded { index, run: run.clone() });
+        job.report(&RobotStep::RunEnded { index, run: Box::new(run.clone()) });
         runs.push(run);
         if runs.last().is_some_and(|run| run.ending != Ending::Complete) {
             break;
