@@ -27,15 +27,12 @@ const MAX_TOOL_SPEED: f64 = 1.2;
 pub(super) const ALL: u8 = 0x7F;
 
 settings! {
-    /// What the emulated arm is like, by default at the paper's home. Delay and bandwidth are guesses:
-    /// no figure is published.
+    /// What the emulated arm is like. Delay and bandwidth are guesses: no figure is published.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct ArmEmulatorConfig {
         /// Version of its firmware, as `v2.4.0`.
         pub firmware: String = "v2.4.0".into();
-        /// Where the joints are at the beginning, rad.
-        pub joints_rad: [f64; ARM_JOINTS] = PAPER_HOME_DEG.map(f64::to_radians);
         /// Time from a servo target's arrival until it takes effect, s.
         pub delay_secs: f64 = 0.02;
         /// How fast the joints close in on a servo target, Hz.
@@ -80,7 +77,11 @@ impl ArmEmulator {
     pub fn new(config: ArmEmulatorConfig) -> Self {
         Self {
             clock: 0,
-            motion: Motion::new(config.joints_rad, config.bandwidth_hz, config.damping_ratio),
+            motion: Motion::new(
+                PAPER_HOME_DEG.map(f64::to_radians),
+                config.bandwidth_hz,
+                config.damping_ratio,
+            ),
             tool_at: None,
             queue: VecDeque::new(),
             current: None,

@@ -190,11 +190,11 @@ impl Motion {
     /// Turns each joint for a step, at the speed that is wanted so far from its target and at its
     /// speed.
     fn turn_to(&mut self, target: &Joints, acceleration: f64, wanted: impl Fn(f64, f64) -> f64) {
-        for joint in 0..ARM_JOINTS {
-            let apart = target[joint] - self.joints[joint];
+        for (joint, &to) in target.iter().enumerate() {
+            let apart = to - self.joints[joint];
             self.turn(joint, wanted(apart, self.speeds[joint]), acceleration);
             if apart.abs() < 1e-6 && self.speeds[joint].abs() < 1e-3 {
-                (self.joints[joint], self.speeds[joint]) = (target[joint], 0.0);
+                (self.joints[joint], self.speeds[joint]) = (to, 0.0);
             }
         }
     }
