@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Prints the tables of docs/results as Markdown: scripts/tables.py SUBCOMMAND; --help lists them.
 
-Most tables are measured with the built command (`make build`; ETUDE names another build). Those
-that are made from files under version control stand in a page below a comment with their command,
-`<!-- tables.py learning docs/results/data/fast -->`; `check` makes them again and compares.
+Tables are made from rows under version control, docs/results/data. In a page a table stands below a
+comment with its command, `<!-- tables.py learning docs/results/data/learning -->`; `check` makes it
+again and compares. With --measure a command first measures its rows with the built command (`make
+build`; ETUDE names another build).
 """
 
 import argparse
@@ -17,9 +18,11 @@ import sys
 from tables.common import COMMANDS, ROOT, Stopped
 
 MODULES = [
-    "experiments", "identification", "iterations", "learning", "robot", "sight", "wall_clock", "wrong_keys",
+    "adaptation", "experiments", "identification", "iterations", "learning", "robot", "sight", "wall_clock",
 ]
 MARK = "<!-- tables.py "
+# Pages of results that only sum up others.
+OVERVIEWS = ["README.md", "experiments.md"]
 
 
 def parser():
@@ -55,7 +58,11 @@ def check():
     """The exit code: 1 if a page has another table than its command prints."""
     count = wrong = 0
     for page in sorted((ROOT / "docs").rglob("*.md")):
-        for command, table in marked(page):
+        tables = list(marked(page))
+        if page.parent.name == "results" and page.name not in OVERVIEWS and not tables:
+            wrong += 1
+            print(f"{page.relative_to(ROOT)}: has no table that is made from rows")
+        for command, table in tables:
             printed = io.StringIO()
             with contextlib.redirect_stdout(printed):
                 run(shlex.split(command))
@@ -64,7 +71,7 @@ def check():
             if table != expected:
                 wrong += 1
                 print(f"{page.relative_to(ROOT)}: not what `scripts/tables.py {command}` prints:", *expected, sep="\n")
-    print(f"tables: {count - wrong} of {count} are what their commands print")
+    print(f"tables: {count}, of which {wrong} are not what their commands print")
     return int(wrong > 0 or count == 0)
 
 

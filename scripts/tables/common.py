@@ -1,6 +1,7 @@
 """What the tables share: the list of subcommands, the `etude` command, Markdown."""
 
 import contextlib
+import csv
 import json
 import os
 import pathlib
@@ -11,6 +12,8 @@ import tempfile
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 ETUDE = pathlib.Path(os.environ.get("ETUDE", ROOT / "target" / "release" / "etude"))
 MODES = ["joint-mirroring", "hybrid", "real"]
+# The five songs that the paper reports.
+PAPER_SONGS = ["are-you-sleeping", "happy-birthday", "ode-to-joy", "twinkle", "c-major-scale"]
 # Function and arguments of each subcommand, by name.
 COMMANDS = {}
 
@@ -36,6 +39,8 @@ def command(name, *arguments):
 
 SCRIPTED = argument("--scripted", action="store_true", help="the scripted baseline plays, not the shipped policies")
 TWIN_PARAMS = argument("--twin-params", nargs="+", default=["standard", "worn"])
+ROWS = argument("rows", type=pathlib.Path, help="CSV file")
+MEASURE = argument("--measure", action="store_true", help="first measure the rows and write the file")
 
 
 def runs(default):
@@ -88,6 +93,55 @@ def melodies(part, count, folder):
         path = folder / f"{part}-{number}.mid"
         seed = etude("songs", "make", "--part", part, "--seed", seed, "-o", path)["seed"] + 1
         yield path
+
+
+def read(path):
+    """The rows of a CSV file; all values are text."""
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def number(value):
+    """Six digits are more than any table shows."""
+    return f"{value:.6g}" if isinstance(value, float) else value
+
+
+def write(path, rows):
+    """Rows with the same columns."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({key: number(value) for key, value in row.items()} for row in rows)
+
+
+def rows_of(options, measured):
+    """The rows of `options.rows`, which with --measure are first those of `measured()`."""
+    if options.measure:
+        write(options.rows, list(measured()))
+    return read(options.rows)
+
+
+def mean_of(rows, key):
+    return statistics.mean(float(row[key]) for row in rows)
+
+
+def sum_of(rows, key):
+    return sum(float(row[key]) for row in rows)
+
+
+def groups(rows, key):
+    """Rows by the value of a column, in the order of the file."""
+    found = {}
+    for entry in rows:
+        found.setdefault(entry[key], []).append(entry)
+    return found
+
+
+def right_of_due(rows):
+    """Notes right of those due, and wrong ones, summed over rows."""
+    right, due, wrong = (sum_of(rows, f"notes_{key}") for key in ("right", "due", "wrong"))
+    return f"{right:g} of {due:g}, {wrong:g}"
 
 
 def head(*cells):

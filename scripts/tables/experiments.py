@@ -1,19 +1,13 @@
 """Experiments from their committed rows."""
 
 import collections
-import csv
 import pathlib
 import random
 import statistics
 
-from tables.common import argument, command, head, row
+from tables.common import argument, command, head, read, row
 
 RESAMPLES = 10_000
-
-
-def read(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def by_training(rows, measure):
@@ -124,3 +118,29 @@ def experiment(options):
             cells += [difference(*pair) for pair in zip(scores, first)] or [""] * len(scores)
             first = first or scores
         row(*cells)
+
+
+@command(
+    "course",
+    argument("rows", type=pathlib.Path, help="folder with course.csv"),
+    argument("--rule", default="articulated plan", help="by which F1 is counted, for the heading"),
+    argument("--between", type=int, nargs=2, required=True, metavar="STEPS", help="the first and the last evaluation"),
+)
+def course(options):
+    """How F1 rises: the mean of the evaluations between two numbers of steps, by variant.
+
+    Differences are from the first variant, paired by song and seed. The last column is the share of
+    the control steps with a collision.
+    """
+    low, high = options.between
+    curves = collections.defaultdict(list)
+    for entry in read(options.rows / "course.csv"):
+        curves[entry["variant"]].append(entry)
+    between = f"from {low:,} to {high:,} steps"
+    head("variant", f"F1 ({options.rule}) {between}", f"difference of F1 {between}", "last five: steps with a collision")
+    first = None
+    for variant, curve in curves.items():
+        f1 = by_training([entry for entry in curve if low <= int(entry["step"]) <= high], "f1")
+        collided = 100 * (1 - mean(last_five(curve, "collision_free")))
+        row(variant, f"{mean(f1):.3f}", difference(f1, first) if first else "", f"{collided:.2f} %")
+        first = first or f1

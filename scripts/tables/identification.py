@@ -1,19 +1,14 @@
-"""What is measured of the twin's keyboard, beside what the twin's parameters imply."""
+"""How well the simulator is fitted to the twin: its keyboard and its drives."""
 
 import pathlib
 import tempfile
 import tomllib
 
-from tables.common import ROOT, argument, command, etude, head, row, say
+from tables.common import MEASURE, ROOT, ROWS, argument, command, etude, groups, head, row, rows_of, say
 
 # Fingers press this far from a key's hinge, as a share of its travel, m.
 PRESSED_AT_M = 0.0069
-
-
-def twin_params(name):
-    """The tables of a parameter set: a name or a file."""
-    path = pathlib.Path(name)
-    return tomllib.loads((path if path.suffix else ROOT / f"configs/twin-params/{name}.toml").read_text())
+EXCITATIONS = ["open-close", "chirp", "rail", "keys", "held-out"]
 
 
 def implied_keyboard(params):
@@ -31,26 +26,65 @@ def implied_keyboard(params):
     return rows
 
 
-@command("presses", argument("twin_params", nargs="*", default=["ideal", "mild", "standard", "worn"]))
+def recordings(twin_params, excitations, folder):
+    """Recordings of the twin, one an excitation."""
+    for excitation in excitations:
+        path = folder / f"{excitation}.mcap"
+        say("record", "--robot", "twin", "--twin-params", twin_params, "--excitation", excitation, "-o", path)
+        yield path
+
+
+def sets(*names):
+    return argument("--twin-params", nargs="+", default=names, help="to measure")
+
+
+@command("presses", ROWS, MEASURE, sets("ideal", "mild", "standard", "worn"))
 def presses(options):
     """What the excitation `keys` measures of the keyboard (95 %), and what the twin's parameters imply.
 
     Lengths are in mm.
     """
-    columns = []
-    for name in options.twin_params:
-        implied = implied_keyboard(twin_params(name))
-        with tempfile.TemporaryDirectory() as folder:
-            folder = pathlib.Path(folder)
-            recording = folder / "keys.mcap"
-            say("record", "--robot", "twin", "--twin-params", name, "--excitation", "keys", "-o", recording)
-            found = etude("identify", recording, "-o", folder / "identified")["identified"]["measured"]
-        columns.append({})
-        for measure in (measure for measure in found if measure["path"] in implied):
-            path = measure["path"]
-            scale = 1e3 if path.startswith("keyboard.") else 1.0
-            value, low, high, target = (scale * one for one in (measure["value"], *measure["interval"], implied[path]))
-            columns[-1][path] = f"{value:.2f} ({low:.2f} … {high:.2f}); {target:.2f}"
-    head("parameter", *(f"`{name}`" for name in options.twin_params))
-    for path in sorted(columns[0]):
-        row(f"`{path}`", *(column[path] for column in columns))
+
+    def measured():
+        for name in options.twin_params:
+            implied = implied_keyboard(tomllib.loads((ROOT / f"configs/twin-params/{name}.toml").read_text()))
+            with tempfile.TemporaryDirectory() as folder:
+                folder = pathlib.Path(folder)
+                recorded = recordings(name, ["keys"], folder)
+                found = etude("identify", *recorded, "-o", folder / "identified")["identified"]["measured"]
+            for measure in (measure for measure in found if measure["path"] in implied):
+                low, high = measure["interval"]
+                labels = {"twin_params": name, "seed": 0, "path": measure["path"]}
+                yield labels | {"value": measure["value"], "low": low, "high": high, "twin": implied[measure["path"]]}
+
+    rows = rows_of(options, measured)
+    head("parameter", *(f"`{name}`" for name in groups(rows, "twin_params")))
+    for path, of_path in sorted(groups(rows, "path").items()):
+        scale = 1e3 if path.startswith("keyboard.") else 1.0
+        cells = ((scale * float(entry[key]) for key in ("value", "low", "high", "twin")) for entry in of_path)
+        row(f"`{path}`", *("{:.2f} ({:.2f} … {:.2f}); {:.2f}".format(*cell) for cell in cells))
+
+
+@command("drives", ROWS, MEASURE, sets("standard", "worn"))
+def drives(options):
+    """How far the joints of the simulator are from the twin's in motion that was not fitted.
+
+    Root mean squares before and after the fit of the other excitations.
+    """
+
+    def measured():
+        for name in options.twin_params:
+            with tempfile.TemporaryDirectory() as folder:
+                folder = pathlib.Path(folder)
+                report = etude("identify", *recordings(name, EXCITATIONS, folder), "-o", folder / "identified")
+            errors = report["held_out_errors"]
+            before, after = errors["fingers"]
+            fingers = {"joint": "fingers", "noise": errors["fingers_noise"], "before": before, "after": after}
+            for joint in [fingers, *errors["joints"]]:
+                yield {"twin_params": name, "seed": report["seed"], "method": report["method"]} | joint
+
+    rows = rows_of(options, measured)
+    head("twin parameters", *(f"{joint}: noise, before, after" for joint in ("fingers (mrad)", "rail (mm)")))
+    for twin_params, of_set in groups(rows, "twin_params").items():
+        joints = {entry["joint"]: [1e3 * float(entry[key]) for key in ("noise", "before", "after")] for entry in of_set}
+        row(f"`{twin_params}`", *("{:.1f}, {:.1f}, {:.1f}".format(*joints[joint]) for joint in ("fingers", "rail")))

@@ -1,4 +1,4 @@
-"""Sim2Real2Sim on the twin: rehearsals, adaptation, experiments after one iteration."""
+"""Sim2Real2Sim on the twin: experiments after one iteration."""
 
 import collections
 import csv
@@ -7,152 +7,11 @@ import json
 import pathlib
 import random
 import statistics
-import tempfile
 import tomllib
 
-from tables.common import ROOT, TWIN_PARAMS, Stopped, argument, command, etude, head, mean, notes, row, runs, say
+from tables.common import ROOT, Stopped, argument, command, head, row, say
 
 NOTES = ("notes_right", "notes_due", "notes_wrong")
-
-
-def total(entries):
-    return {key: sum(entry[key] for entry in entries) for key in NOTES}
-
-
-def value(entry):
-    """What `rehearse` chooses by."""
-    return entry["robot_f1"] + entry["onset_f1"]
-
-
-def read_rehearsal(folder):
-    """Twin parameters and song, each iteration, and what was adapted, if anything."""
-    config = json.loads((folder / "rehearsal.json").read_text())
-    files = folder.glob("iteration-*/iteration.json")
-    files = sorted(files, key=lambda file: int(file.parent.name.removeprefix("iteration-")))
-    iterations = [json.loads(file.read_text()) for file in files]
-    result = folder / "adaptation/result.json"
-    adapted = json.loads(result.read_text()) if result.is_file() else None
-    return (config["twin_params"] or config["rig"], config["song"]), iterations, adapted
-
-
-def natural(rehearsal):
-    name, _, seed = rehearsal[0][0].partition(":")
-    return name, int(seed or 0), rehearsal[0][1]
-
-
-def summary_row(name, where, entries):
-    (twin_params, song), worst = min(zip(where, entries), key=lambda one: one[1]["robot_f1"])
-    scores = (mean(entry[key] for entry in entries) for key in ("onset_f1", "robot_f1"))
-    row(name, notes(total(entries)), *scores, f"{worst['robot_f1']:.3f} ({song} on `{twin_params}`)")
-
-
-@command("iterations", argument("folders", type=pathlib.Path, nargs="+", help="of `etude rehearse … -o FOLDER`"))
-def iterations(options):
-    """Rehearsals on the twin, before and after each iteration, and with the best iteration kept.
-
-    Notes right of those due and wrong ones, onset F1, F1 in simulation and on the twin.
-    """
-    rehearsals = sorted(map(read_rehearsal, options.folders), key=natural)
-    where, each, adapted = zip(*rehearsals)
-    kept = [max(entries, key=value) for entries in each]
-    names = ["nothing fitted", "after one iteration", "after two iterations"][: min(map(len, each))]
-    columns = [*zip(*(entries[: len(names)] for entries in each)), kept]
-    head("rehearsals", "notes right, wrong", "onset F1", "F1 (articulated plan), twin", "worst F1")
-    for name, column in zip([*names, "the best of these"], columns):
-        summary_row(name, where, column)
-    if all(adapted):
-        summary_row("adapted, without an iteration", where, adapted)
-        summary_row("at the end", where, [max(pair, key=value) for pair in zip(kept, adapted)])
-    cell = lambda entry: f"{notes(entry)}; {entry['onset_f1']:.3f}; {entry['sim_f1']:.3f}, {entry['robot_f1']:.3f}"
-    print()
-    head("twin parameters", "song", *names, "kept")
-    for (twin_params, song), entries, best in zip(where, each, kept):
-        row(f"`{twin_params}`", song, *map(cell, entries[: len(names)]), best["iteration"])
-    means = [
-        total(column) | {key: statistics.mean(entry[key] for entry in column) for key in ("onset_f1", "sim_f1", "robot_f1")}
-        for column in columns
-    ]
-    row(f"**sum; mean of {len(rehearsals)}**", "", *(f"**{cell(entry)}**" for entry in means))
-    row("worst F1", "", *(f"{min(entry['robot_f1'] for entry in column):.3f}" for column in columns))
-
-
-PAPER = ["are-you-sleeping", "happy-birthday", "ode-to-joy", "twinkle", "c-major-scale"]
-SET_POINTS_A_STEP = 13 * 10
-
-
-def names_of(twin_params):
-    """`random:1-20` stands for twenty sets."""
-    for name in twin_params:
-        first, _, last = name.removeprefix("random:").partition("-")
-        yield from (f"random:{seed}" for seed in range(int(first), int(last) + 1)) if last else [name]
-
-
-def short(entry, f1):
-    return f"{notes(entry)}; {entry['onset_f1']:.3f}; {f1:.3f}"
-
-
-@command(
-    "adapt",
-    argument("--songs", nargs="+", default=PAPER),
-    TWIN_PARAMS,
-    argument("--mode", default="real", choices=["real", "joint-mirroring", "hybrid"], help="before the adaptation"),
-    argument("--minutes", type=float, default=10),
-    runs(4),
-    argument("--seed", type=int, default=0, help="of the twin's noise"),
-)
-def adapt(options):
-    """Adapts the playing of songs to twins.
-
-    Columns: before, and in joint mirroring (or hybrid) before and after.
-
-    A cell has the notes right of those due and the wrong ones, onset F1, and F1.
-    """
-    real = options.mode == "real"
-    modes = ["real execution", "joint mirroring, before"] if real else [options.mode, f"{options.mode}, run 2"]
-    head("twin parameters", "song", *modes, "adapted", "runs, best", "fingers off their path, rail", "clamped")
-    steps = {song["id"]: song["frames"] for song in etude("songs")}
-    played = collections.defaultdict(list)
-    for twin_params, song in itertools.product(names_of(options.twin_params), options.songs):
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                report = etude(
-                    "rehearse", song, "--robot", "twin", "--twin-params", twin_params, "--mode", options.mode,
-                    "--policy", f"policies/{song}.safetensors", "--iterations", 0, "--runs", options.runs,
-                    "--adapt", options.minutes, "--seed", options.seed, "-o", pathlib.Path(folder) / "rehearsal",
-                )
-            except Stopped as stopped:
-                row(f"`{twin_params}`", song, stopped)
-                continue
-        first, adapted = report["iterations"][0], report["adapted"]
-        before, best = adapted["adapting"][1], adapted["adapting"][adapted["best"]]
-        three = [(first, first["robot_f1"]), (before, before["robot_f1"]), (adapted, adapted["robot_f1"])]
-        mrad, mm = (
-            f"{1e3 * before[key]:.{digits}f} → {1e3 * best[key]:.{digits}f}"
-            for key, digits in (("fingers_missed_rad", 0), ("rail_missed_m", 1))
-        )
-        share = best["clamped"] / (SET_POINTS_A_STEP * steps[song])
-        row(
-            f"`{twin_params}`",
-            song,
-            *(short(*one) for one in three),
-            f"{len(adapted['adapting'])}, {adapted['best'] + 1}",
-            f"{mrad} mrad, {mm} mm",
-            f"{100 * share:.1f} %",
-        )
-        # What `rehearse` names at the end.
-        better = max(three[0], three[2], key=lambda one: one[0]["onset_f1"] + one[1])
-        # All that are drawn have one row.
-        played[twin_params.partition(":")[0]].append([*three, better])
-    print()
-    head("twin parameters", *modes, "adapted", "the better of the first and adapted")
-    for twin_params, rows in played.items():
-        cells = []
-        for column in zip(*rows):
-            entries, f1 = zip(*column)
-            cells.append(f"{notes(total(entries))}; {mean(entry['onset_f1'] for entry in entries)}; {mean(f1)}")
-        row(f"`{twin_params}`", *cells)
-
-
 LABELS = ["variant", "mode", "twin_params", "song", "seed", "iteration"]
 SCORES = ["sim_f1", "f1", "gap", "precision", "recall", "onset_f1"]
 VALUES = [*SCORES, *NOTES, "latency_compensation_secs"]
@@ -315,6 +174,7 @@ def rise(before, after):
     argument("rows", type=pathlib.Path, help="CSV with one row a performance"),
     argument("--rule", default="RoboPianist's rule", help="by which F1 is counted, for the heading"),
     argument("--by-song", action="store_true"),
+    argument("--variant", help="only this variant"),
     argument("--measure", metavar="EXPERIMENT", help="first extend ROWS: a name in configs/experiments"),
     argument("--seeds", type=int, nargs="+", default=[0, 1, 2]),
     argument("--intensities", type=float, nargs="+", help="of a grid; all if not given"),
@@ -341,11 +201,11 @@ def after_iteration(options):
             writer = csv.DictWriter(file, [*LABELS, *VALUES], lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows[key] for key in sorted(rows))
-    rows = read_rows(options.rows).values()
+    rows = [row for row in read_rows(options.rows).values() if options.variant in (None, row["variant"])]
     # After a safety stop there is nothing to compare.
     both = set.intersection(*({performance(row) for row in rows if row["iteration"] == number} for number in "01"))
     rows = [row for row in rows if performance(row) in both]
-    labels = LABELS[: 4 if options.by_song else 3]
+    labels = LABELS[1 if options.variant else 0 : 4 if options.by_song else 3]
     columns = [f"F1 ({options.rule}), simulation", "twin", "gap", "precision, recall", "onset F1", "notes right, wrong"]
     head(", ".join(labels).replace("_", " "), "seeds", "", *columns)
     groups = collections.defaultdict(list)

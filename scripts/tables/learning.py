@@ -7,7 +7,10 @@ import pathlib
 import statistics
 import sys
 
-from tables.common import SCRIPTED, argument, command, head, mean, played, policy, row, songs
+from tables.common import (
+    MEASURE, PAPER_SONGS, ROWS, SCRIPTED, argument, command, head, mean, mean_of, played, policy, read, row, rows_of,
+    songs, sum_of,
+)
 
 # The paper's F1 in simulation.
 PAPER_F1 = 0.946
@@ -111,41 +114,61 @@ def frame_f1(due, pressed):
     return statistics.mean(steps)
 
 
-@command("notes", SCRIPTED)
+SET = argument("--set", action="append", default=[], metavar="PATH=VALUE", help="changes the world when measuring")
+BY_BOTH_RULES = ["f1", "f1_robopianist", "f1_robopianist_without_silence"]
+
+
+def measured_song(song, who):
+    """A song in simulation: its notes and F1 by the plan that is played, and F1 by RoboPianist's rule."""
+    with played(song, *who) as (report, folder):
+        pressed, own = column(folder, "pressed"), column(folder, "due")
+    with played(song, *who, "--set", "task.plan.rule=robopianist") as (_, folder):
+        due = column(folder, "due")
+    return {
+        "song": song,
+        "notes_right": report["matched"],
+        "notes_due": report["matched"] + report["missed"],
+        "notes_wrong": report["wrong"],
+        **{key: report[key] for key in ("onset_f1", "onset_offset_f1", "onset_error_median_secs")},
+        "f1": report["f1"],
+        "f1_robopianist": frame_f1(due, pressed),
+        "f1_robopianist_without_silence": frame_f1(due[SILENT_STEPS:], pressed[SILENT_STEPS:]),
+        "frames": len(due),
+        "frames_that_differ": sum(a != b for a, b in zip(own, due, strict=True)),
+    }
+
+
+def five(rows):
+    """Those of the paper's songs."""
+    return [entry for entry in rows if entry["song"] in PAPER_SONGS]
+
+
+@command("notes", ROWS, MEASURE, SCRIPTED, SET)
 def notes(options):
     """Notes and scores of the built-in songs in simulation, by the articulated plan that is played.
 
     The last column scores the same performance by RoboPianist's rule.
     """
+    settings = [word for setting in options.set for word in ("--set", setting)]
+    who = lambda song: [*(["--scripted"] if options.scripted else policy(song)), *settings]
+    rows = rows_of(options, lambda: (measured_song(song, who(song)) for song in songs()))
     scores = ["onset F1", "onset + offset F1", "median onset error", "F1 (articulated plan)", "F1 (RoboPianist's rule)"]
     head("song", "notes right", "wrong", *scores)
-    for song in songs():
-        who = ["--scripted"] if options.scripted else policy(song)
-        with played(song, *who) as (report, folder):
-            pressed = column(folder, "pressed")
-        with played(song, *who, "--set", "task.plan.rule=robopianist") as (_, folder):
-            due = column(folder, "due")
-        secs = report["onset_error_median_secs"]
-        row(
-            song,
-            f"{report['matched']} of {report['matched'] + report['missed']}",
-            report["wrong"],
-            *(f"{report[key]:.3f}" for key in ("onset_f1", "onset_offset_f1")),
-            "–" if secs is None else f"{1e3 * secs:+.0f} ms",
-            *(f"{score:.3f}" for score in (report["f1"], frame_f1(due, pressed))),
+    for name, some in [*((entry["song"], [entry]) for entry in rows), ("the paper's five songs", five(rows)), ("all", rows)]:
+        right, due, wrong = (sum_of(some, f"notes_{key}") for key in ("right", "due", "wrong"))
+        onset, offset, f1, by_rule = (
+            f"{mean_of(some, key):.3f}" for key in ("onset_f1", "onset_offset_f1", "f1", "f1_robopianist")
         )
+        error = f"{1e3 * mean_of(some, 'onset_error_median_secs'):+.0f} ms"
+        row(name, f"{right:g} of {due:g}", f"{wrong:g}", onset, offset, error, f1, by_rule)
 
 
-@command("frames")
-def frames(_):
-    """F1 of the shipped policies by their own plan and against RoboPianist's frames."""
+@command("frames", ROWS)
+def frames(options):
+    """F1 of the rows of `notes` by their own plan and against RoboPianist's frames."""
+    rows = read(options.rows)
     without = "the same, without the first second"
     head("song", "F1 (articulated plan)", "F1 (RoboPianist's rule)", without, "frames that differ")
-    for song in songs():
-        with played(song, *policy(song)) as (_, folder):
-            pressed, own = column(folder, "pressed"), column(folder, "due")
-        with played(song, *policy(song), "--set", "task.plan.rule=robopianist") as (_, folder):
-            due = column(folder, "due")
-        scores = frame_f1(own, pressed), frame_f1(due, pressed), frame_f1(due[SILENT_STEPS:], pressed[SILENT_STEPS:])
-        differ = sum(a != b for a, b in zip(own, due, strict=True))
-        row(song, *(f"{score:.3f}" for score in scores), f"{differ} of {len(due)}")
+    for name, some in [*((entry["song"], [entry]) for entry in rows), ("the paper's five songs", five(rows))]:
+        differ = f"{sum_of(some, 'frames_that_differ'):g} of {sum_of(some, 'frames'):g}"
+        row(name, *(f"{mean_of(some, key):.3f}" for key in BY_BOTH_RULES), differ)

@@ -4,12 +4,12 @@ import collections
 import json
 import pathlib
 import statistics
-import sys
 import tempfile
 import tomllib
 
 from tables.common import (
-    MODES, ROOT, TWIN_PARAMS, Stopped, argument, command, etude, head, mean, notes, performed, row, runs, songs,
+    MEASURE, MODES, ROOT, ROWS, TWIN_PARAMS, Stopped, argument, command, etude, groups, head, mean_of, performed,
+    right_of_due, row, rows_of, runs, songs,
 )
 
 RAIL = 12
@@ -19,38 +19,73 @@ SETPOINT_SECS = 0.005
 AT_LIMIT = 0.98
 LIMITS = ["velocity", "acceleration", "jerk"]
 SETS = ROOT / "configs" / "twin-params"
+SCORES = ["sim_f1", "robot_f1", "onset_f1", "onset_f1_without_lag", "latency_compensation_secs"]
+NOTES = ["notes_right", "notes_due", "notes_wrong"]
 CELL = "notes right, wrong; onset F1; sent early by; F1"
+# Songs of the tables of twin parameters.
+THREE = ["twinkle", "ode-to-joy", "c-major-scale"]
 
 
-def early_ms(report):
-    return f"{1e3 * report['latency_compensation_secs']:.0f} ms"
+def performance(label, song, mode, twin_params, runs):
+    """A row: means over the runs, or why a safety stop ended them."""
+    labels = {"twin_params": label, "mode": mode, "song": song, "seed": 0, "runs": runs}
+    try:
+        with performed(song, mode, twin_params, runs) as report:
+            return labels | {key: report.get(key, "") for key in [*SCORES, *NOTES]} | {"stopped": ""}
+    except Stopped as stopped:
+        return labels | dict.fromkeys([*SCORES, *NOTES], "") | {"stopped": str(stopped).removeprefix("etude: ")}
 
 
-@command("robot", runs(3), argument("--twin-params", default="standard"))
+def early(rows):
+    return f"{1e3 * mean_of(rows, 'latency_compensation_secs'):.0f} ms"
+
+
+def complete(rows):
+    return [entry for entry in rows if not entry["stopped"]]
+
+
+@command(
+    "robot",
+    ROWS,
+    MEASURE,
+    runs(1),
+    argument("--twin-params", nargs="+", default=["standard", "worn", "mild", "ideal"], help="to measure"),
+    argument("--by-song", metavar="TWIN_PARAMS", help="the songs on this parameter set"),
+)
 def robot(options):
-    """Every built-in song in every mode on the twin: means over the runs.
+    """Every built-in song in every mode on the twin.
 
-    How much earlier commands are sent is measured in a run before.
+    How much earlier commands are sent is measured in a run before. A performance that a safety stop
+    has ended counts in no mean.
     """
-    head("song", "simulation: F1 (articulated plan)", *(f"{mode}: {CELL}" for mode in MODES))
-    reports = collections.defaultdict(list)
-    for song in songs():
+    every = ((name, song, mode) for name in options.twin_params for song in songs() for mode in MODES)
+    rows = rows_of(options, lambda: (performance(name, song, mode, name, options.runs) for name, song, mode in every))
+    rows = [entry for entry in rows if options.by_song in (None, entry["twin_params"])]
+    by_song = bool(options.by_song)
+    cell = CELL if by_song else CELL.replace("sent early by; ", "")
+    first = "song" if by_song else "twin parameters"
+    head(first, "simulation: F1 (articulated plan)", *(f"{mode}: {cell}" for mode in MODES))
+    for name, of_row in groups(rows, "song" if by_song else "twin_params").items():
         cells = []
         for mode in MODES:
-            try:
-                with performed(song, mode, options.twin_params, options.runs) as report:
-                    reports[mode].append(report)
-                    cells.append(f"{notes(report)}; {report['onset_f1']:.3f}; {early_ms(report)}; {report['robot_f1']:.3f}")
-            except Stopped as stopped:
-                # A fault, for instance. It counts in no mean.
-                cells.append(str(stopped).removeprefix("etude: ").split(":")[0])
-        row(song, f"{report['sim_f1']:.3f}", *cells)
-    cells = []
-    for mode in MODES:
-        total = {key: sum(report[key] for report in reports[mode]) for key in ("notes_right", "notes_due", "notes_wrong")}
-        scores = (mean(report[key] for report in reports[mode]) for key in ("onset_f1", "robot_f1"))
-        cells.append("; ".join([notes(total), *scores]))
-    row("sum; mean", mean(report["sim_f1"] for report in reports[MODES[0]]), *cells)
+            of_mode = complete(entry for entry in of_row if entry["mode"] == mode)
+            parts = [right_of_due(of_mode), f"{mean_of(of_mode, 'onset_f1'):.3f}"]
+            parts += [early(of_mode)] * by_song + [f"{mean_of(of_mode, 'robot_f1'):.3f}"]
+            cells.append("; ".join(parts))
+        row(name if by_song else f"`{name}`", f"{mean_of(complete(of_row), 'sim_f1'):.3f}", *cells)
+
+
+@command("drawn", ROWS, MEASURE, runs(2), argument("--count", type=int, default=20, help="of sets to measure"))
+def drawn(options):
+    """Real execution on parameter sets that are drawn, random:1 and so on."""
+    every = ((f"random:{seed}", song) for seed in range(1, options.count + 1) for song in THREE)
+    rows = rows_of(options, lambda: (performance(name, song, "real", name, options.runs) for name, song in every))
+    sets = groups(complete(rows), "twin_params")
+    f1 = [mean_of(of_set, "robot_f1") for of_set in sets.values()]
+    onset = statistics.mean(mean_of(of_set, "onset_f1_without_lag") for of_set in sets.values())
+    head("parameter sets", "onset F1 without the lag", "F1 (articulated plan): mean", "lowest, highest")
+    name = f"`{next(iter(sets))}` to `{list(sets)[-1]}`"
+    row(name, f"{onset:.3f}", f"{statistics.mean(f1):.3f}", f"{min(f1):.3f}, {max(f1):.3f}")
 
 
 def recorded(recording, *topics):
@@ -64,42 +99,53 @@ def recorded(recording, *topics):
                 yield channel.topic, json.loads(message.data)
 
 
-@command("clamps", runs(1), TWIN_PARAMS)
+def counted(song, mode, twin_params):
+    """How many set-points a performance has, how many are clamped, and by which limit."""
+    counts = collections.Counter({"all": 0, "clamped": 0})
+    with performed(song, mode, twin_params, 1) as report:
+        for topic, data in recorded(report["runs"][0]["files"]["recording"], "/setpoint"):
+            if topic == "/setpoint":
+                counts["all"] += 1
+                counts["clamped"] += bool(data["clamps"])
+                counts.update({f"{'rail' if joint == RAIL else 'fingers'}, {limit}" for joint, limit in data["clamps"]})
+    for what, count in counts.items():
+        yield {"twin_params": twin_params, "mode": mode, "song": song, "seed": 0, "what": what, "set_points": count}
+
+
+@command("clamps", ROWS, MEASURE, TWIN_PARAMS)
 def clamps(options):
-    """How often the robot's limiter holds a set-point back, and by which limit. Needs mcap.
+    """How often the robot's limiter holds a set-point back, and by which limit. Measuring needs mcap.
 
     A set-point counts if any joint of it is clamped while the song is played; the last column
     counts each set-point once a limit.
     """
+    every = [(song, mode, name) for name in options.twin_params for mode in MODES for song in songs()]
+    rows = rows_of(options, lambda: (entry for each in every for entry in counted(*each)))
     head("twin parameters", "mode", "clamped set-points", "the song with the most", "by limit")
-    for twin_params in options.twin_params:
-        for mode in MODES:
+    for twin_params, of_set in groups(rows, "twin_params").items():
+        for mode, of_mode in groups(of_set, "mode").items():
             total, shares = collections.Counter(), {}
-            for song in songs():
-                of_song = collections.Counter()
-                with performed(song, mode, twin_params, options.runs) as report:
-                    for run in report["runs"]:
-                        for topic, data in recorded(run["files"]["recording"], "/setpoint"):
-                            if topic == "/setpoint":
-                                of_song["all"] += 1
-                                of_song["clamped"] += bool(data["clamps"])
-                                of_song.update({("rail" if joint == RAIL else "fingers", limit) for joint, limit in data["clamps"]})
-                shares[song] = of_song["clamped"] / of_song["all"]
-                total += of_song
+            for song, entries in groups(of_mode, "song").items():
+                counts = {entry["what"]: int(entry["set_points"]) for entry in entries}
+                shares[song] = counts["clamped"] / counts["all"]
+                total.update(counts)
             worst = max(shares, key=shares.get)
-            limits = sorted(((count, *limit) for limit, count in total.items() if isinstance(limit, tuple)), reverse=True)
+            limits = sorted(((count, what) for what, count in total.items() if ", " in what), reverse=True)
             row(
                 f"`{twin_params}`",
                 mode,
                 f"{total['clamped']} of {total['all']}, {100 * total['clamped'] / total['all']:.2f} %",
-                f"{worst}, {100 * shares[worst]:.2f} %",
-                "; ".join(f"{joint}, {limit}: {count}" for count, joint, limit in limits) or "–",
+                f"{worst}, {100 * shares[worst]:.2f} %" if shares[worst] else "–",
+                "; ".join(f"{what}: {count}" for count, what in limits) or "–",
             )
 
 
 def limits_of(joint):
     rows = {row["path"]: row["value"] for row in etude("model", "params")}
     return [rows[f"joint.{joint}.{limit}_limit"] for limit in LIMITS]
+
+
+SHARES = ["fingers: velocity", *LIMITS[1:], "rail: velocity", *(f"rail: {limit}" for limit in LIMITS[1:]), "torque", "any joint"]
 
 
 def shares_at_limits(recording, finger_limits, rail_limits):
@@ -124,26 +170,28 @@ def shares_at_limits(recording, finger_limits, rail_limits):
         for change, limit in zip(changes[1:], limits)
     ]
     is_full = np.abs(np.array(duties)[:, FINGERS]) >= full
-    return [*shares, is_full.mean(), is_full.any(axis=1).mean()]
+    return map(float, [*shares, is_full.mean(), is_full.any(axis=1).mean()])
 
 
-@command("limits", runs(1), TWIN_PARAMS)
+@command("limits", ROWS, MEASURE, TWIN_PARAMS)
 def limits(options):
-    """How often set-points and torques are at their limits in real execution. Needs mcap and NumPy.
+    """How often set-points and torques are at their limits in real execution.
 
-    Set-points are shaped within the limits of the simulator.
+    Set-points are shaped within the limits of the simulator. Measuring needs mcap and NumPy.
     """
-    limits = [limits_of("index_0"), limits_of("rail")]
-    head("twin parameters", "fingers: velocity", *LIMITS[1:], "rail: velocity", *LIMITS[1:], "torque", "any joint")
-    for twin_params in options.twin_params:
-        shares = []
-        for song in songs():
-            try:
-                with performed(song, "real", twin_params, options.runs) as report:
-                    shares += [shares_at_limits(run["files"]["recording"], *limits) for run in report["runs"]]
-            except Stopped as stopped:
-                print(f"{song} on {twin_params}: {stopped}", file=sys.stderr)
-        row(f"`{twin_params}`", *(f"{100 * statistics.mean(column):.2f} %" for column in zip(*shares)))
+
+    def measured():
+        of_joints = [limits_of("index_0"), limits_of("rail")]
+        for twin_params in options.twin_params:
+            for song in songs():
+                with performed(song, "real", twin_params, 1) as report:
+                    shares = shares_at_limits(report["runs"][0]["files"]["recording"], *of_joints)
+                    yield {"twin_params": twin_params, "song": song, "seed": 0} | dict(zip(SHARES, shares))
+
+    rows = rows_of(options, measured)
+    head("twin parameters", *SHARES)
+    for twin_params, of_set in groups(rows, "twin_params").items():
+        row(f"`{twin_params}`", *(f"{100 * mean_of(of_set, column):.2f} %" for column in SHARES))
 
 
 BASE = "mild"
@@ -222,37 +270,54 @@ def toml(table, path=()):
     return "\n".join(([f"[{'.'.join(path)}]"] if path and own else []) + own + below) + "\n"
 
 
-@command(
-    "twin-params-costs",
-    runs(1),
-    argument("--songs", nargs="+", default=["twinkle", "ode-to-joy", "c-major-scale"]),
-    argument("--modes", nargs="+", default=MODES),
-    argument("--drawn", type=int, help="instead, so many sets that are drawn: random:1 and so on"),
-)
+@command("twin-params-costs", ROWS, MEASURE, runs(1))
 def twin_params_costs(options):
     """What each difference of the twin costs: the set `mild` with one change at a time.
 
-    Cells are means over songs and runs.
+    Real execution; means over songs and runs.
     """
-    head("what is changed", *(f"{mode}: onset F1 without the lag; sent early by; F1 (articulated plan)" for mode in options.modes))
-    with tempfile.TemporaryDirectory() as folder:
-        if options.drawn:
-            rows = [(f"`random:{seed}`", f"random:{seed}") for seed in range(1, options.drawn + 1)]
-        else:
-            rows = []
+
+    def measured():
+        with tempfile.TemporaryDirectory() as folder:
+            every = []
             for number, (name, change) in enumerate(changes()):
                 file = pathlib.Path(folder) / f"{number}.toml"
                 file.write_text(toml(changed(change)))
-                rows.append((name, file))
-            rows += [(f"all of `{name}`", name) for name in ["standard", "worn"]]
-        for name, twin_params in rows:
-            cells = []
-            for mode in options.modes:
-                reports = []
-                for song in options.songs:
-                    with performed(song, mode, twin_params, options.runs) as report:
-                        reports.append(report)
-                secs = statistics.mean(report["latency_compensation_secs"] for report in reports)
-                onset = mean(report.get("onset_f1_without_lag", float("nan")) for report in reports)
-                cells.append(f"{onset}; {1e3 * secs:.0f} ms; {mean(report['robot_f1'] for report in reports)}")
-            row(name, *cells)
+                every.append((name, file))
+            every += [(f"all of `{name}`", name) for name in ["standard", "worn"]]
+            for name, twin_params in every:
+                for song in THREE:
+                    yield performance(name, song, "real", twin_params, options.runs)
+
+    rows = rows_of(options, measured)
+    head("what is changed", "onset F1 without the lag", "sent early by", "F1 (articulated plan)")
+    for name, of_change in groups(complete(rows), "twin_params").items():
+        onset, f1 = (f"{mean_of(of_change, key):.3f}" for key in ("onset_f1_without_lag", "robot_f1"))
+        row(name, onset, early(of_change), f1)
+
+
+@command("dynamics", ROWS, MEASURE, runs(4))
+def dynamics(options):
+    """A piece with loud and soft notes, by its shipped policy: notes, F1, correlation of velocities."""
+    song, who = "songs/surprise-symphony.mid", ["--policy", "policies/surprise-symphony.safetensors"]
+
+    def measured():
+        with tempfile.TemporaryDirectory() as folder:
+            report = etude("play", song, *who, "-o", folder)
+            notes = [report["matched"], report["matched"] + report["missed"], report["wrong"]]
+            scores = {"f1": report["f1"], "velocity_correlation": report["velocity_correlation"]}
+            yield {"where": "simulation", "seed": 0, "run": 0} | dict(zip(NOTES, notes)) | scores
+        for twin_params in ["mild", "standard"]:
+            with tempfile.TemporaryDirectory() as folder:
+                twin = ["--robot", "twin", "--twin-params", twin_params, "--runs", options.runs]
+                report = etude("perform", song, *who, *twin, "-o", folder)
+            for number, run in enumerate(report["runs"]):
+                labels = {"where": f"twin `{twin_params}`, real execution", "seed": 0, "run": number}
+                yield labels | {key: run[key] for key in [*NOTES, "f1", "velocity_correlation"]}
+
+    rows = rows_of(options, measured)
+    head("where", "runs", "notes right, wrong", "F1 (articulated plan)", "correlation of velocities")
+    for where, of_place in groups(rows, "where").items():
+        right, due, wrong = (mean_of(of_place, key) for key in NOTES)
+        scores = (f"{mean_of(of_place, key):.{digits}f}" for key, digits in (("f1", 3), ("velocity_correlation", 2)))
+        row(where, len(of_place), f"{right:g} of {due:g}, {wrong:g}", *scores)

@@ -1,101 +1,95 @@
 """What the sight-reader plays, and what is predicted of it."""
 
-import collections
-import csv
 import pathlib
 import statistics
 import struct
 import sys
 import tempfile
 
-from tables.common import ROOT, argument, command, etude, head, melodies, played, policy, row, say, songs
+from tables.common import (
+    MEASURE, PAPER_SONGS, ROOT, ROWS, argument, command, etude, groups, head, mean_of, melodies, played, policy, read,
+    row, rows_of, say, songs, sum_of, write,
+)
+from tables.learning import column, frame_f1
 
 READER = argument("--policy", default="policies/sight-reader.safetensors")
 STEP_SECS = 0.05
-BLACK = (1, 3, 6, 8, 10)
+PLAYERS = ["sight-reader", "scripted baseline", "policy of the song"]
 
 
-def summary(reports):
+def played_row(pieces, piece, player, song, who):
+    """Notes and scores of one performance in simulation."""
+    with played(song, *who) as (report, folder):
+        pressed = column(folder, "pressed")
+    with played(song, *who, "--set", "task.plan.rule=robopianist") as (_, folder):
+        due = column(folder, "due")
+    return {
+        "pieces": pieces,
+        "piece": piece,
+        "player": player,
+        "notes_right": report["matched"],
+        "notes_due": report["matched"] + report["missed"],
+        "notes_wrong": report["wrong"],
+        "onset_f1": report["onset_f1"],
+        "f1": report["f1"],
+        "f1_robopianist": frame_f1(due, pressed),
+    }
+
+
+def summary(rows):
     """Notes, onset F1 and F1 of one performance or several."""
-    total = lambda key: sum(report[key] for report in reports)
-    right, due = total("matched"), total("matched") + total("missed")
-    lowest = f" (lowest {min(report['f1'] for report in reports):.3f})" if len(reports) > 1 else ""
-    scores = (f"{total(key) / len(reports):.3f}" for key in ("onset_f1", "f1"))
-    return f"{right} of {due}, {total('wrong')} wrong; {'; '.join(scores)}{lowest}"
-
-
-def line(name, cells):
-    row(name, *cells, *["–"] * (3 - len(cells)))
-
-
-def kinds_of_notes(frames):
-    """Of each note due: its kinds, and whether its key goes down at most one control step away."""
-    rows = list(csv.DictReader(frames.open()))
-    due, pressed = ([set(map(int, row[name].split())) for row in rows] for name in ("due", "pressed"))
-    before = None
-    for step in range(1, len(due)):
-        new = due[step] - due[step - 1]
-        for key in new:
-            near = range(step - 1, min(step + 2, len(due)))
-            in_time = any(key in pressed[at] and key not in pressed[at - 1] for at in near)
-            kinds = ["all", "black key" if key % 12 in BLACK else "white key"]
-            kinds.append({1: "alone", 2: "two keys at once"}.get(len(due[step]), "three keys at once"))
-            if before:
-                wait = STEP_SECS * (step - before[0])
-                kinds.append(f"{'less' if wait < 0.3 else 'more'} than 0.3 s after the note before")
-                leap = min(abs(key - other) for other in before[1])
-                far = "more than 5 semitones away" if leap > 5 else "1 to 5 semitones away"
-                kinds.append("the same key again" if leap == 0 else far)
-            yield kinds, in_time
-        if new:
-            before = (step, new)
+    right, due, wrong = (f"{sum_of(rows, f'notes_{key}'):g}" for key in ("right", "due", "wrong"))
+    lowest = f" (lowest {min(float(entry['f1']) for entry in rows):.3f})" if len(rows) > 1 else ""
+    scores = (f"{mean_of(rows, key):.3f}" for key in ("onset_f1", "f1", "f1_robopianist"))
+    onset, f1, by_rule = scores
+    return f"{right} of {due}, {wrong} wrong; {onset}; {f1}{lowest}; {by_rule}"
 
 
 @command(
     "sight",
+    ROWS,
+    MEASURE,
     READER,
     argument("--melodies", type=int, default=20, help="how many of the first test melodies"),
-    argument("--folder", type=pathlib.Path, help="more MIDI files"),
+    argument("--folder", type=pathlib.Path, help="measures these MIDI files and keeps the other rows"),
 )
 def sight(options):
-    """What the sight-reader, the scripted baseline and the policies of the songs play.
+    """What the sight-reader, the scripted baseline and the policies of the songs play in simulation.
 
-    First pieces: of melodies and of the folder sums of the notes, means of the scores and the
-    lowest F1. Then the share of the melodies' notes that begin in time, by kind of note.
+    Of several pieces the sum of the notes, the means of the scores and the lowest F1.
     """
-    players = ["--policy", options.policy], ["--scripted"]
+    players = dict(zip(PLAYERS, (["--policy", options.policy], ["--scripted"])))
 
-    def report_of(song, who):
-        with played(song, *who) as (report, _):
-            return report
+    def of(pieces, paths):
+        return [
+            played_row(pieces, pathlib.Path(path).stem, player, path, who)
+            for path in paths
+            for player, who in players.items()
+        ]
 
-    head("piece", "sight-reader: notes; onset F1; F1 (articulated plan)", "scripted baseline", "policy of the song")
-    for song in songs():
-        line(song, [summary([report_of(song, who)]) for who in (*players, policy(song))])
-    for song in sorted((ROOT / "songs").glob("*.mid")):
-        line(song.stem, [summary([report_of(song, who)]) for who in players])
-    cells, in_time_by_kind = [], []
-    with tempfile.TemporaryDirectory() as folder:
-        test_melodies = list(melodies("test", options.melodies, pathlib.Path(folder)))
-        for who in players:
-            reports, in_time = [], collections.defaultdict(list)
-            for melody in test_melodies:
-                with played(melody, *who) as (report, files):
-                    reports.append(report)
-                    for kinds, one in kinds_of_notes(files / "frames.csv"):
-                        for kind in kinds:
-                            in_time[kind].append(one)
-            cells.append(summary(reports))
-            in_time_by_kind.append(in_time)
-    line(f"{options.melodies} test melodies", cells)
+    def measured():
+        for song in songs():
+            for player, who in (players | {PLAYERS[2]: policy(song)}).items():
+                yield played_row("songs", song, player, song, who)
+        yield from of("files", sorted((ROOT / "songs").glob("*.mid")))
+        with tempfile.TemporaryDirectory() as folder:
+            yield from of("test melodies", list(melodies("test", options.melodies, pathlib.Path(folder))))
+
     if options.folder:
-        files = sorted(options.folder.resolve().glob("*.mid"))
-        cells = [summary([report_of(song, who) for song in files]) for who in players]
-        line(f"{len(files)} files of {options.folder.name}", cells)
-    print()
-    head("notes of the test melodies", "number", "sight-reader", "scripted baseline")
-    for kind, found in sorted(in_time_by_kind[0].items()):
-        row(kind, len(found), *(f"{statistics.mean(in_time[kind]):.2f}" for in_time in in_time_by_kind))
+        before = [entry for entry in read(options.rows) if entry["pieces"] != "folk songs"]
+        write(options.rows, [*before, *of("folk songs", sorted(options.folder.resolve().glob("*.mid")))])
+        options.measure = False
+    rows = rows_of(options, measured)
+    cell = "notes; onset F1; F1 (articulated plan); F1 (RoboPianist's rule)"
+    head("piece", f"sight-reader: {cell}", *PLAYERS[1:])
+    single = {name: of_piece for name, of_piece in groups(rows, "piece").items() if of_piece[0]["pieces"] in ("songs", "files")}
+    single["the paper's five songs"] = [entry for entry in rows if entry["piece"] in PAPER_SONGS]
+    several = groups([entry for entry in rows if entry["pieces"] not in ("songs", "files")], "pieces")
+    for pieces, of_pieces in several.items():
+        single[f"{len(groups(of_pieces, 'piece'))} {pieces}"] = of_pieces
+    for name, of_name in single.items():
+        by_player = groups(of_name, "player")
+        row(name, *(summary(by_player[player]) if player in by_player else "–" for player in PLAYERS))
 
 
 STRETCHES = (1.0, 0.7, 0.5)
@@ -160,68 +154,84 @@ def variable(number):
     return bytes(reversed(digits))
 
 
-class Prediction:
+def prediction(pieces, name, song, who):
     """What was predicted of a piece, and what was played."""
-
-    def __init__(self, song, who):
-        shown = etude("songs", "show", song, "--preset", "sight-reader")
-        with played(song, "--policy", who) as (report, _):
-            self.f1, self.right, self.wrong = (report[name] for name in ("f1", "matched", "wrong"))
-        self.notes = shown["notes"]
-        self.f1_predicted, self.predicted = (shown["zero_shot"][name] for name in ("f1", "notes_right"))
-        self.fingering = shown["fingering"]["summary"]
-        self.onsets_per_sec = sum(len(bar["chords"]) for bar in shown["bars"]) / (STEP_SECS * shown["frames"])
-
-
-def prediction_row(name, pieces):
-    predicted, found = [piece.f1_predicted for piece in pieces], [piece.f1 for piece in pieces]
-    away = [abs(one - other) for one, other in zip(predicted, found)]
-    right = [sum(getattr(piece, name) for piece in pieces) for name in ("predicted", "right", "notes")]
-    scores = *map(statistics.mean, (predicted, found, away)), max(away)
-    correlation = f"{statistics.correlation(predicted, found):.2f}"
-    total = "{} and {} of {}".format(*right)
-    row(name, len(pieces), correlation, *(f"{score:.3f}" for score in scores), total)
+    shown = etude("songs", "show", song, "--preset", "sight-reader")
+    with played(song, "--policy", who) as (report, _):
+        return {
+            "pieces": pieces,
+            "piece": name,
+            "notes": shown["notes"],
+            "predicted": shown["zero_shot"]["notes_right"],
+            "right": report["matched"],
+            "wrong": report["wrong"],
+            "f1_predicted": shown["zero_shot"]["f1"],
+            "f1": report["f1"],
+            "onsets_per_sec": sum(len(bar["chords"]) for bar in shown["bars"]) / (STEP_SECS * shown["frames"]),
+            "fingering": shown["fingering"]["summary"],
+        }
 
 
-@command("sight-prediction", READER, argument("--melodies", type=int, default=40))
+FITTED = "validation melodies"
+
+
+@command(
+    "sight-prediction",
+    ROWS,
+    MEASURE,
+    READER,
+    argument("--melodies", type=int, default=40),
+    argument("--hard", action="store_true", help="instead the hard pieces, one by one"),
+)
 def sight_prediction(options):
     """How well `etude songs show` predicts what the sight-reader plays.
 
-    First the constant of crates/lab/src/zero_shot.rs, from validation melodies. Then songs at three
-    tempi and test melodies: predicted and played. Then pieces that are too hard, one by one.
+    Songs at three tempi and test melodies: predicted and played. Then pieces that are too hard. The
+    row of validation melodies is for the constant of crates/lab/src/zero_shot.rs.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        folder = pathlib.Path(folder)
-        of = lambda song: Prediction(song, options.policy)
 
-        def arranged(song, stretch):
-            path = folder / f"{pathlib.Path(song).stem}-{stretch}.mid"
-            say("songs", "arrange", song, "--stretch", stretch, "-o", path)
-            return path
+    def measured():
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            every = [(FITTED, path.stem, path) for path in melodies("validation", options.melodies, folder)]
+            all_songs = songs() + sorted(str(path) for path in (ROOT / "songs").glob("*.mid"))
+            for stretch in STRETCHES:
+                for song in all_songs:
+                    name, path = pathlib.Path(song).stem, song
+                    if stretch != 1:
+                        path = folder / f"{name}-{stretch}.mid"
+                        say("songs", "arrange", song, "--stretch", stretch, "-o", path)
+                    every.append(("songs" if stretch == 1 else f"songs, {1 / stretch:.1f} times as fast", name, path))
+            every += [("test melodies", path.stem, path) for path in melodies("test", options.melodies, folder)]
+            for number, (name, secs, chords, *sounding) in enumerate(HARD):
+                path = folder / f"hard-{number}.mid"
+                midi(path, secs, chords, *sounding)
+                every.append(("hard pieces", name, path))
+            for pieces, name, path in every:
+                yield prediction(pieces, name, path, options.policy)
 
-        pieces = [of(path) for path in melodies("validation", options.melodies, folder)]
-        lost = sum(piece.onsets_per_sec * (piece.f1_predicted - piece.f1) for piece in pieces)
-        lost /= sum(piece.onsets_per_sec**2 for piece in pieces)
-        print(f"More lost at an onset than zero_shot.rs says, by validation melodies: {1e3 * lost:.1f} ms\n")
-        scores = "F1 (articulated plan), predicted", "played", "mean difference", "largest"
-        head("pieces", "number", "correlation of F1", *scores, "notes predicted and played")
-        all_songs = songs() + sorted(str(path) for path in (ROOT / "songs").glob("*.mid"))
-        for stretch in STRETCHES:
-            name = "songs" if stretch == 1 else f"songs, {1 / stretch:.1f} times as fast"
-            prediction_row(name, [of(song if stretch == 1 else arranged(song, stretch)) for song in all_songs])
-        prediction_row("test melodies", [of(path) for path in melodies("test", options.melodies, folder)])
-        hard = []
-        for number, (name, secs, chords, *sounding) in enumerate(HARD):
-            path = folder / f"hard-{number}.mid"
-            midi(path, secs, chords, *sounding)
-            hard.append((name, of(path)))
-    prediction_row("hard pieces", [piece for _, piece in hard])
-    print()
-    head("piece", "notes predicted", "played", "F1 predicted", "played", "fingering")
-    for name, piece in hard:
-        wrong = f", {piece.wrong} wrong" if piece.wrong else ""
-        scores = f"{piece.f1_predicted:.2f}", f"{piece.f1:.2f}"
-        row(name, f"{piece.predicted} of {piece.notes}", f"{piece.right}{wrong}", *scores, piece.fingering)
+    rows = rows_of(options, measured)
+    if options.hard:
+        head("piece", "notes predicted", "played", "F1 (articulated plan) predicted", "played", "fingering")
+        for one in (entry for entry in rows if entry["pieces"] == "hard pieces"):
+            wrong = f", {one['wrong']} wrong" if one["wrong"] != "0" else ""
+            scores = f"{float(one['f1_predicted']):.2f}", f"{float(one['f1']):.2f}"
+            row(one["piece"], f"{one['predicted']} of {one['notes']}", f"{one['right']}{wrong}", *scores, one["fingering"])
+        return
+    scores = "F1 (articulated plan), predicted", "played", "mean difference", "largest"
+    head("pieces", "number", "correlation of F1", *scores, "notes predicted and played")
+    for name, pieces in groups([entry for entry in rows if entry["pieces"] != FITTED], "pieces").items():
+        predicted, found = ([float(piece[key]) for piece in pieces] for key in ("f1_predicted", "f1"))
+        away = [abs(one - other) for one, other in zip(predicted, found)]
+        values = *map(statistics.mean, (predicted, found, away)), max(away)
+        right = "{:g} and {:g} of {:g}".format(*(sum_of(pieces, key) for key in ("predicted", "right", "notes")))
+        correlation = f"{statistics.correlation(predicted, found):.2f}"
+        row(name, len(pieces), correlation, *(f"{value:.3f}" for value in values), right)
+    # What each onset loses beyond the constant, by least squares.
+    fitted = [entry for entry in rows if entry["pieces"] == FITTED]
+    onsets = [float(entry["onsets_per_sec"]) for entry in fitted]
+    lost = sum(rate * (float(entry["f1_predicted"]) - float(entry["f1"])) for rate, entry in zip(onsets, fitted))
+    print(f"\nMore lost at an onset than zero_shot.rs says, by {FITTED}: {1e3 * lost / sum(rate**2 for rate in onsets):.1f} ms")
 
 
 MAX_QUARTERS = 40
