@@ -1,11 +1,15 @@
-"""Checks that relative links in Markdown lead to files and headings, and that the contents of a
-book (SUMMARY.md in a folder) lead to each of its pages: check_links.py FILE|FOLDER…"""
+"""Checks that relative links in Markdown lead to files and headings, that paths of code exist, and
+that the contents of a book (SUMMARY.md in a folder) lead to each of its pages: check_links.py
+FILE|FOLDER…"""
 
 import re
 import sys
 from pathlib import Path
 
 LINK = re.compile(r"\]\(([^)\s]+)\)")
+# A path from the top of the repository, such as `crates/learn/src/config.rs`.
+CODE = re.compile(r"`((?:benches|configs|crates|python|scripts|songs|viewer)/[\w./-]+\.(?:md|mid|py|rs|toml))`")
+ROOT = Path(__file__).resolve().parents[1]
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 
 
@@ -17,8 +21,9 @@ def anchors(page: Path) -> set[str]:
 
 
 def broken(page: Path) -> list[str]:
-    found = []
-    for link in LINK.findall(FENCE.sub("", page.read_text())):
+    text = page.read_text()
+    found = [f"{page}: there is no {path}" for path in CODE.findall(text) if not (ROOT / path).exists()]
+    for link in LINK.findall(FENCE.sub("", text)):
         if re.match(r"[a-z]+:", link):
             continue
         path, _, anchor = link.partition("#")
