@@ -301,19 +301,21 @@ def dynamics(options):
     """A piece with loud and soft notes, by its shipped policy: notes, F1, correlation of velocities."""
     song, who = "songs/surprise-symphony.mid", ["--policy", "policies/surprise-symphony.safetensors"]
 
+    def of_run(where, number, run):
+        notes = [run["matched"], run["matched"] + run["missed"], run["wrong"]]
+        scores = {key: run[key] for key in ("f1", "velocity_correlation")}
+        return {"where": where, "seed": 0, "run": number} | dict(zip(NOTES, notes)) | scores
+
     def measured():
         with tempfile.TemporaryDirectory() as folder:
             report = etude("play", song, *who, "-o", folder)
-            notes = [report["matched"], report["matched"] + report["missed"], report["wrong"]]
-            scores = {"f1": report["f1"], "velocity_correlation": report["velocity_correlation"]}
-            yield {"where": "simulation", "seed": 0, "run": 0} | dict(zip(NOTES, notes)) | scores
+            yield of_run("simulation", 0, report)
         for twin_params in ["mild", "standard"]:
             with tempfile.TemporaryDirectory() as folder:
                 twin = ["--robot", "twin", "--twin-params", twin_params, "--runs", options.runs]
                 report = etude("perform", song, *who, *twin, "-o", folder)
             for number, run in enumerate(report["runs"]):
-                labels = {"where": f"twin `{twin_params}`, real execution", "seed": 0, "run": number}
-                yield labels | {key: run[key] for key in [*NOTES, "f1", "velocity_correlation"]}
+                yield of_run(f"twin `{twin_params}`, real execution", number, run)
 
     rows = rows_of(options, measured)
     head("where", "runs", "notes right, wrong", "F1 (articulated plan)", "correlation of velocities")
