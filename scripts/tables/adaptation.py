@@ -40,7 +40,7 @@ def performances(twin_params, song, options, steps):
     ROWS,
     MEASURE,
     TWIN_PARAMS,
-    argument("--songs", nargs="+", default=PAPER_SONGS),
+    argument("--songs", nargs="+", default=[*PAPER_SONGS, "d-major-scale", "chord-progression"]),
     argument("--minutes", type=float, default=10),
     runs(4),
     argument("--seed", type=int, default=0, help="of the twin's noise"),
@@ -58,7 +58,8 @@ def adapt(options):
     head("twin parameters, song", *(f"{what}: notes right, wrong; onset F1; F1 (articulated plan)" for what in (REAL, BEFORE, ADAPTED)))
     for twin_params, of_set in groups(rows, "twin_params").items():
         songs = groups(of_set, "song")
-        for name, entries in [*songs.items(), (f"{len(songs)} songs", of_set)]:
+        five = [entry for entry in of_set if entry["song"] in PAPER_SONGS]
+        for name, entries in [*songs.items(), ("the paper's five songs", five), ("all", of_set)]:
             by_what = groups(entries, "what")
             cells = (
                 f"{right_of_due(some)}; {mean_of(some, 'onset_f1'):.3f}; {mean_of(some, 'f1'):.3f}" for some in by_what.values()

@@ -119,7 +119,7 @@ def clamps(options):
     A set-point counts if any joint of it is clamped while the song is played; the last column
     counts each set-point once a limit.
     """
-    every = [(song, mode, name) for name in options.twin_params for mode in MODES for song in songs()]
+    every = ((song, mode, name) for name in options.twin_params for mode in MODES for song in songs())
     rows = rows_of(options, lambda: (entry for each in every for entry in counted(*each)))
     head("twin parameters", "mode", "clamped set-points", "the song with the most", "by limit")
     for twin_params, of_set in groups(rows, "twin_params").items():

@@ -142,7 +142,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let best = best_iteration(&iterations);
     let there = folder.join("adaptation");
     // The first policy, whatever plays best: one that was trained in a fitted simulator plays worse
-    // in this way (docs/results/adaptation.md).
+    // in this way.
     let adapted = match (args.adapt, iterations.first()) {
         (Some(minutes), Some(first)) => {
             let adaptation = AdaptConfig {
