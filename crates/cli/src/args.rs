@@ -8,7 +8,7 @@ use etude_lab::{
     Chosen, Pianist, RunConfig, SIGHT_READER, SongPlanner, cannot_be_played, load_pianist, pianist_for,
     player_slug, policies, policy_called,
 };
-use etude_music::Song;
+use etude_music::{Song, repertoire};
 use etude_perform::shell_word;
 
 use crate::output::note;
@@ -83,19 +83,17 @@ impl PianistArgs {
     /// Name of the default folder of a performance: the song and the options. So another player, or
     /// the same one in another world, has its own folder.
     pub fn folder_name(&self, asked: &str) -> String {
-        let mut name = slug(asked);
-        let mut add = |part: &str| name = format!("{name}-{}", etude_lab::slug(part));
+        let mut parts = vec![slug(asked)];
         if self.scripted {
-            add("scripted");
+            parts.push("scripted".to_string());
         }
-        if let Some(policy) = &self.policy {
-            add(&player_slug(policy));
-        }
+        parts.extend(self.policy.as_deref().map(player_slug));
         for change in &self.overrides {
             let (path, value) = change.split_once('=').unwrap_or((change, ""));
-            add(&format!("{}-{value}", path.rsplit('.').next().unwrap_or(path)));
+            let option = path.rsplit('.').next().unwrap_or(path).replace('_', "-");
+            parts.push(etude_lab::slug(&format!("{option}-{value}")));
         }
-        name
+        parts.join("-")
     }
 
     /// The player of `song`, which the user named `asked`; warns if it learned another song.
@@ -167,10 +165,16 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Folder name of a song: of a built-in id, or of a file's name without its extension.
+/// Folder name of a song: of a built-in id, or of a file's name without its extension, which stays
+/// if the rest is a built-in id.
 pub fn slug(song: &str) -> String {
-    let stem = Path::new(song).file_stem().filter(|_| etude_music::repertoire::get(song).is_none());
-    etude_lab::slug(&stem.map_or_else(|| song.into(), |stem| stem.to_string_lossy()))
+    if repertoire::get(song).is_some() {
+        return song.to_string();
+    }
+    let path = Path::new(song);
+    let name = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+    let (stem, file) = (name(path.file_stem()), name(path.file_name()));
+    etude_lab::slug(if repertoire::get(&stem).is_some() { &file } else { &stem })
 }
 
 #[cfg(test)]
@@ -186,7 +190,9 @@ mod tests {
     #[test]
     fn slugs_are_folder_names() {
         assert_eq!(slug("twinkle"), "twinkle");
-        assert_eq!(slug("songs/Au Clair_de-la Lune.mid"), "au-clair-de-la-lune");
+        assert_eq!(slug("songs/月光.mid"), "月光");
+        assert_eq!(slug("./twinkle.mid"), "twinkle.mid");
+        assert!(slug("songs/Au Clair_de-la Lune.mid").starts_with("au-clair_de-la-lune-"));
         assert_eq!(slug("../../x.mid"), "x");
     }
 }

@@ -47,12 +47,15 @@ pub fn error_message(error: &anyhow::Error) -> String {
     text
 }
 
+/// "Input/output error", which a terminal gives that is closed.
+const EIO: i32 = 5;
+
 /// Whether standard output is closed: `etude songs | head` must not fail.
 pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error
         .chain()
         .filter_map(|cause| cause.downcast_ref::<std::io::Error>())
-        .any(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+        .any(|error| error.kind() == std::io::ErrorKind::BrokenPipe || error.raw_os_error() == Some(EIO))
 }
 
 #[cfg(test)]

@@ -27,11 +27,23 @@ pub(crate) fn policy_in(folder: &Path) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-/// `text` as part of a file's name: letters and digits of ASCII in lower case, one `-` for all that
-/// is between them.
+/// Longest readable part of a name, characters: a folder's name has at most 255 bytes.
+const MAX_SLUG_CHARS: usize = 60;
+
+/// `text` as part of a file's name: letters and digits in lower case, `.` and `_`, and one `-` for
+/// all that is between them. A text that is changed by this gets a mark of its own at the end, so
+/// that different texts have different names.
 pub fn slug(text: &str) -> String {
-    let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
-    words.collect::<Vec<_>>().join("-").to_ascii_lowercase()
+    // Two of them are between the parts of a run's name.
+    let lower = text.to_lowercase().replace("__", " ");
+    let words = lower.split(|c: char| !c.is_alphanumeric() && !"._".contains(c));
+    let words: Vec<&str> = words.map(|word| word.trim_matches('.')).filter(|word| !word.is_empty()).collect();
+    let mut name: String = words.join("-").chars().take(MAX_SLUG_CHARS).collect();
+    if name != text {
+        let between = if name.is_empty() { "" } else { "-" };
+        name = format!("{name}{between}{:06x}", crc32c::crc32c(text.as_bytes()) & 0xFF_FFFF);
+    }
+    name
 }
 
 /// Makes a folder that the user has chosen with `-o`, and those above it.
@@ -48,9 +60,8 @@ pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
 pub fn player_slug(player: &Path) -> String {
     let is_of_run = player.file_name().is_some_and(|file| file.to_string_lossy().starts_with("policy-"));
     let named = player.parent().filter(|_| is_of_run).unwrap_or(player);
-    let name = slug(&named.file_stem().unwrap_or_default().to_string_lossy());
-    // A name may have no letter of ASCII.
-    if name.is_empty() { "player".to_string() } else { name }
+    let name = named.file_stem().unwrap_or_default().to_string_lossy();
+    name.split("__").map(slug).collect::<Vec<_>>().join("__")
 }
 
 #[cfg(test)]
@@ -60,10 +71,27 @@ mod tests {
     #[test]
     fn players_are_named_after_their_run_or_their_file() {
         let name = |player: &str| player_slug(Path::new(player));
-        assert_eq!(name("runs/twinkle__fast__0/policy-best.safetensors"), "twinkle-fast-0");
+        assert_eq!(name("runs/twinkle__fast__0/policy-best.safetensors"), "twinkle__fast__0");
         assert_eq!(name("policies/sight-reader.safetensors"), "sight-reader");
-        assert_eq!(name("runs/twinkle__fast__0"), "twinkle-fast-0");
+        assert_eq!(name("runs/twinkle__fast__0"), "twinkle__fast__0");
         assert_eq!(name("scripted"), "scripted");
-        assert_eq!(name("песня.safetensors"), "player");
+        assert_eq!(name("песня.safetensors"), "песня");
+    }
+
+    #[test]
+    fn different_texts_have_different_names() {
+        for same in ["twinkle", "c-major-scale", "月光", "für-elise", "0.025", "op.27-no.2", "latency_secs"] {
+            assert_eq!(slug(same), same);
+        }
+        let texts = [
+            "Für Elise", "für elise", "für-elise", "Fur Elise", "!", "?", "", ".", "a/b", "a b", "a__b", "a_b",
+            "हिन्दी", "हनद", &"long ".repeat(100), &"long ".repeat(101),
+        ];
+        let names: std::collections::BTreeSet<String> = texts.iter().map(|text| slug(text)).collect();
+        assert_eq!(names.len(), texts.len(), "{names:?}");
+        for name in names {
+            assert!(!name.is_empty() && !name.starts_with('.') && name.len() < 255, "{name}");
+            assert!(!name.contains(['/', ' ']) && !name.contains("__"), "{name}");
+        }
     }
 }

@@ -6,7 +6,7 @@ use std::io::BufRead as _;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -172,7 +172,8 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     let guard = start_guard(Path::new(&args.robot), &rig.wires)?;
     // `etude doctor` reports where this is not permitted.
     let _priority = Priority::of_this_thread(Rank::Controller).ok();
-    let mut operator = Operator { guard, claim, entered: enter(), interrupt: stop_flag()? };
+    let interrupt = stop_flag()?;
+    let mut operator = Operator { guard, claim, entered: enter(&interrupt), interrupt };
     let shown = read_pose(&rig, args.by_hand, &mut operator)?;
     // The arm has confirmed that it is at rest.
     operator.guard.farewell();
@@ -208,17 +209,21 @@ impl Guiding for Operator {
     }
 
     fn is_guiding(&mut self) -> bool {
-        matches!(self.entered.try_recv(), Err(TryRecvError::Empty)) && !self.interrupt.load(Ordering::Relaxed)
+        self.entered.try_recv().is_err() && !self.interrupt.load(Ordering::Relaxed)
     }
 }
 
-/// Receives when a line was entered, or standard input has ended.
-fn enter() -> Receiver<()> {
+/// Receives when a line was entered. If standard input ends, as that of a closed terminal does, the
+/// operator is gone: that is an interruption.
+fn enter(interrupt: &Arc<AtomicBool>) -> Receiver<()> {
+    let interrupt = interrupt.clone();
     let (sender, entered) = channel();
     std::thread::spawn(move || {
         let mut text = String::new();
-        let _ = std::io::stdin().lock().read_line(&mut text);
-        let _ = sender.send(());
+        match std::io::stdin().lock().read_line(&mut text) {
+            Ok(1..) => drop(sender.send(())),
+            Ok(0) | Err(_) => interrupt.store(true, Ordering::Relaxed),
+        }
     });
     entered
 }

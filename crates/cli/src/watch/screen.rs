@@ -1,5 +1,9 @@
 //! The terminal: when it is read, when it is drawn, and how it is restored.
 
+use std::fs::File;
+use std::io::Write as _;
+use std::os::fd::AsFd as _;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -17,20 +21,43 @@ const POLL_INTERVAL: Duration = Duration::from_secs(1);
 /// Time between two searches for new runs.
 const SEARCH_INTERVAL: Duration = Duration::from_secs(10);
 
+/// Time in which the screen ends by itself after a request to stop.
+const STOP_TIMEOUT: Duration = Duration::from_secs(1);
+
 /// Shows `view` until the user, SIGTERM or the end of the terminal ends it.
 pub fn show(view: &mut View) -> anyhow::Result<()> {
     // Read once before the screen changes, so that errors stay visible in the terminal.
     view.read()?;
     let stop = patient_stop_flag()?;
     signal_hook::flag::register(signal_hook::consts::SIGHUP, stop.clone())?;
+    end_with_the_terminal(&stop)?;
     // Also restores the terminal after a panic.
     let shown = ratatui::try_init().and_then(|mut terminal| watch(&mut terminal, view, &stop));
-    ratatui::restore();
+    // One that is gone cannot be restored.
+    let _ = ratatui::try_restore();
     match shown {
         // The terminal is closed: nothing can be drawn and no message can be read.
         Err(_) if stop.load(Ordering::Relaxed) => Ok(()),
         shown => shown.context("cannot use this terminal; `etude watch --once` needs none"),
     }
+}
+
+/// Requests a stop when the terminal is gone, and ends the process if a stop takes too long: the
+/// wait for a key never returns from a terminal that is gone, in crossterm 0.29.
+fn end_with_the_terminal(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
+    let mut terminal = File::from(std::io::stdout().as_fd().try_clone_to_owned()?);
+    let stop = stop.clone();
+    std::thread::spawn(move || {
+        // To write nothing fails only there.
+        while !stop.load(Ordering::Relaxed) && terminal.write(&[]).is_ok() {
+            std::thread::sleep(REDRAW_INTERVAL);
+        }
+        stop.store(true, Ordering::Relaxed);
+        std::thread::sleep(STOP_TIMEOUT);
+        let _ = ratatui::try_restore();
+        std::process::exit(0);
+    });
+    Ok(())
 }
 
 fn watch(terminal: &mut DefaultTerminal, view: &mut View, stop: &AtomicBool) -> std::io::Result<()> {
