@@ -50,9 +50,10 @@ pub use key_schedule::{KeySchedule, KeyScheduleConfig, KeyScheduleRule, MAX_LATE
 pub use keys::{HIGHEST_PITCH, KEY_COUNT, KeySet, LOWEST_PITCH, key_is_black, pitch_name};
 pub use melody::melody;
 pub use meter::{BeatGrid, Position};
+pub use midi::{MidiFile, Remark};
 pub use note::{Note, chords};
 pub use range::{OffendingNote, OutOfRange};
-pub use resolve::{is_named_midi, resolve};
+pub use resolve::{is_named_midi, resolve, resolve_file};
 pub use song::Song;
 pub use spelling::{did_you_mean, similar_names};
 pub use split::{Split, melodies};

@@ -135,6 +135,18 @@ impl BeatGrid {
         self.map(|segment| MeterSegment { start_secs: segment.start_secs + secs, ..segment })
     }
 
+    /// The grid of what is left when this many seconds are cut off in front.
+    pub(crate) fn from_secs(&self, secs: f64) -> BeatGrid {
+        let mut left = self.delayed(-secs).segments;
+        let sounding = left.iter().rposition(|segment| segment.start_secs <= SECS_TOLERANCE);
+        left.drain(..sounding.unwrap_or(0));
+        if let Some(first) = left.first_mut().filter(|first| first.start_secs < 0.0) {
+            (first.bar, first.beats_before) = first.after(-first.start_secs / first.beat_secs);
+            first.start_secs = 0.0;
+        }
+        BeatGrid::from_segments(left)
+    }
+
     /// The same grid with all times multiplied.
     pub(crate) fn scaled(&self, factor: f64) -> BeatGrid {
         self.map(|segment| MeterSegment {

@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use crate::error::SongError;
+use crate::midi::MidiFile;
 use crate::repertoire;
 use crate::song::Song;
 use crate::spelling::did_you_mean;
 
-/// The song of this name: a built-in id, or the path of a MIDI file.
+/// The song of this name: a built-in id, or the path of a MIDI file, which is played from its first
+/// note on.
 ///
 /// A name of the repertoire wins over a file of the same name; write `./name` for the file.
 ///
@@ -15,12 +17,23 @@ use crate::spelling::did_you_mean;
 /// If there is neither; ids that look like the name are suggested. If the file cannot be read or
 /// used.
 pub fn resolve(name_or_path: &str) -> Result<Song, SongError> {
+    match repertoire::get(name_or_path) {
+        Some(song) => Ok(song),
+        None => Ok(resolve_file(name_or_path)?.song.without_initial_silence()),
+    }
+}
+
+/// The same as it is written, with what is to be said of a file.
+///
+/// # Errors
+/// As [`resolve`].
+pub fn resolve_file(name_or_path: &str) -> Result<MidiFile, SongError> {
     if let Some(song) = repertoire::get(name_or_path) {
-        return Ok(song);
+        return Ok(MidiFile { song, remarks: Vec::new() });
     }
     let path = Path::new(name_or_path);
     if path.components().count() > 1 || is_named_midi(path) || path.is_file() {
-        return Song::load(path);
+        return MidiFile::load(path);
     }
     let similar = did_you_mean(name_or_path, repertoire::ids());
     Err(SongError::Unknown { name: name_or_path.to_owned(), similar })

@@ -172,6 +172,23 @@ impl Song {
         Err(OutOfRange { title: self.title().to_owned(), notes, transpositions }.into())
     }
 
+    /// The song from its first note on.
+    #[must_use]
+    pub fn without_initial_silence(&self) -> Song {
+        let secs = self.notes.first().map_or(0.0, |first| first.start_secs);
+        let notes = self.notes.iter().map(|note| shifted(note, -secs)).collect();
+        let (duration_secs, beats) = (self.duration_secs - secs, self.beats.from_secs(secs));
+        Song { notes, duration_secs, beats, title: self.title.clone() }
+    }
+
+    /// The song without the notes that the keyboard does not have.
+    #[must_use]
+    pub fn within_range(&self) -> Song {
+        let mut song = self.clone();
+        song.notes.retain(|note| key_of_pitch(note.pitch).is_some());
+        song
+    }
+
     /// The song with this many seconds of silence in front, which are bar zero.
     ///
     /// # Errors

@@ -1,11 +1,13 @@
 //! Standard MIDI Files in and out.
 //!
-//! `midly` decodes and encodes events. In addition, chunks are checked first ([`chunks`]), ticks
-//! are converted to seconds ([`tempo`]), sizes are limited, and damaged events, at which `midly`
-//! ends a track silently, are errors.
+//! Chunks ([`chunks`]) and events ([`events`]) are read here, because `midly` refuses what other
+//! players read, and ends a damaged track silently. It writes files. Ticks are converted to seconds
+//! ([`tempo`]), and sizes are limited.
 
 mod chunks;
+mod events;
 mod read;
+mod remark;
 mod tempo;
 mod write;
 
@@ -19,8 +21,20 @@ use crate::error::{MidiError, SongError};
 use crate::file_limits::MAX_FILE_BYTES;
 use crate::song::Song;
 
-impl Song {
-    /// Reads a Standard MIDI File of format 0 or 1.
+pub use remark::Remark;
+
+/// What a MIDI file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MidiFile {
+    /// Its notes.
+    pub song: Song,
+    /// What of it is not played as it is written.
+    pub remarks: Vec<Remark>,
+}
+
+impl MidiFile {
+    /// Reads a Standard MIDI File of format 0 or 1, also in a RIFF container or behind the head of
+    /// MacBinary.
     ///
     /// All tracks and channels are played together except channel 10, which is percussion by
     /// General MIDI and is ignored. A second note-on of a sounding pitch ends its note and begins
@@ -30,15 +44,15 @@ impl Song {
     /// # Errors
     /// If the bytes are not such a file, are damaged, hold no notes, or exceed the limits on size,
     /// notes and duration.
-    pub fn from_midi(bytes: &[u8], title: impl Into<String>) -> Result<Song, MidiError> {
+    pub fn read(bytes: &[u8], title: impl Into<String>) -> Result<MidiFile, MidiError> {
         read::read(bytes, title.into())
     }
 
-    /// Reads a MIDI file from disk, titled by its file name; see [`Song::from_midi`].
+    /// Reads a MIDI file from disk, titled by its file name; see [`MidiFile::read`].
     ///
     /// # Errors
     /// If the file cannot be read or used; the path is named.
-    pub fn load(path: impl AsRef<Path>) -> Result<Song, SongError> {
+    pub fn load(path: impl AsRef<Path>) -> Result<MidiFile, SongError> {
         let path = path.as_ref();
         let unreadable = |source| SongError::Read { path: path.into(), source };
         let unusable = |source| SongError::Midi { path: path.into(), source };
@@ -48,7 +62,25 @@ impl Song {
         // reported size.
         file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
         let title = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        Song::from_midi(&bytes, title).map_err(unusable)
+        MidiFile::read(&bytes, title).map_err(unusable)
+    }
+}
+
+impl Song {
+    /// The song of a MIDI file as it is written; see [`MidiFile::read`].
+    ///
+    /// # Errors
+    /// As [`MidiFile::read`].
+    pub fn from_midi(bytes: &[u8], title: impl Into<String>) -> Result<Song, MidiError> {
+        Ok(MidiFile::read(bytes, title)?.song)
+    }
+
+    /// The song of a MIDI file on disk; see [`MidiFile::load`].
+    ///
+    /// # Errors
+    /// As [`MidiFile::load`].
+    pub fn load(path: impl AsRef<Path>) -> Result<Song, SongError> {
+        Ok(MidiFile::load(path)?.song)
     }
 
     /// The song as a Standard MIDI File (format 0) with its tempo, time signatures and title. Times

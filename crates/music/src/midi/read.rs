@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use midly::{EventIter, MetaMessage, MidiMessage, TrackEventKind};
-
-use super::chunks::{TrackChunk, split};
+use super::MidiFile;
+use super::chunks::{Division, TrackChunk, split};
+use super::events::{BadEvent, Event, Events};
+use super::remark::Remark;
 use super::tempo::{Change, Changes};
 use crate::error::MidiError;
 use crate::file_limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
@@ -14,8 +15,11 @@ use crate::song::Song;
 /// Channel 10, counting from one: percussion by General MIDI, where a key number names a drum.
 const PERCUSSION: u8 = 9;
 
-/// Reads a whole file; see [`Song::from_midi`].
-pub(crate) fn read(bytes: &[u8], title: String) -> Result<Song, MidiError> {
+/// Shorter silence before the first note is nothing to be remarked on, s.
+const MIN_SILENCE_SECS: f64 = 1.0;
+
+/// Reads a whole file; see [`MidiFile::read`].
+pub(super) fn read(bytes: &[u8], title: String) -> Result<MidiFile, MidiError> {
     if bytes.len() as u64 > MAX_FILE_BYTES {
         return Err(MidiError(format!(
             "the file has {} bytes, more than the {MAX_FILE_BYTES} that are read; a song is far smaller, so check that \
@@ -24,7 +28,7 @@ pub(crate) fn read(bytes: &[u8], title: String) -> Result<Song, MidiError> {
         )));
     }
     let file = split(bytes)?;
-    let mut reader = Reader::default();
+    let mut reader = Reader { remarks: file.remarks, ..Reader::default() };
     for (index, track) in file.tracks.iter().enumerate() {
         reader.track(index + 1, track)?;
     }
@@ -36,6 +40,10 @@ pub(crate) fn read(bytes: &[u8], title: String) -> Result<Song, MidiError> {
 struct Held {
     start: u64,
     velocity: u8,
+    /// It was struck while it was held, and the release of the stroke before is still to come.
+    owes_release: bool,
+    /// A release in its own tick was taken for that of the stroke before.
+    has_paid: bool,
 }
 
 /// A note in ticks; without an end it lasts until the end of the file.
@@ -51,74 +59,89 @@ struct Reader {
     changes: Changes,
     notes: Vec<TickNote>,
     percussion: usize,
+    ended_by_all_notes_off: usize,
     last_tick: u64,
+    remarks: Vec<Remark>,
 }
+
+/// Keys held in a track, by channel and pitch.
+type HeldKeys = BTreeMap<(u8, u8), Held>;
 
 impl Reader {
     fn track(&mut self, number: usize, chunk: &TrackChunk<'_>) -> Result<(), MidiError> {
-        let mut held: BTreeMap<(u8, u8), Held> = BTreeMap::new();
+        let mut held = HeldKeys::new();
         let mut tick = 0u64;
-        let mut events = EventIter::new(chunk.body);
-        let mut last_was_variable_length = false;
-        loop {
-            let unread = events.unread();
-            let bad = || {
-                let offset = chunk.offset + chunk.body.len() - unread.len();
+        let mut events = Events::new(chunk.body);
+        while let Some(event) = events.next() {
+            let (ticks, event) = event.map_err(|BadEvent { at, why }| {
                 MidiError(format!(
-                    "track {number} is damaged at byte {offset} of the file; copy or export the file again"
+                    "track {number} is damaged at byte {} of the file ({why}); copy or export the file again",
+                    chunk.offset + at
                 ))
-            };
-            let event = match events.next() {
-                Some(Ok(event)) => event,
-                // `midly` ends a track silently at an event that it cannot read, and takes the rest
-                // of the track as the text of an event that is too long.
-                None if unread.is_empty() && !last_was_variable_length => break,
-                Some(Err(_)) | None => return Err(bad()),
-            };
-            tick = tick.saturating_add(u64::from(event.delta.as_int()));
-            last_was_variable_length = !matches!(event.kind, TrackEventKind::Midi { .. });
-            match event.kind {
-                TrackEventKind::Midi { channel, message } => {
-                    let (pitch, velocity) = match message {
-                        MidiMessage::NoteOn { key, vel } => (key.as_int(), vel.as_int()),
-                        MidiMessage::NoteOff { key, .. } => (key.as_int(), 0),
-                        _ => continue,
-                    };
-                    let channel = channel.as_int();
-                    if channel == PERCUSSION {
-                        self.percussion += usize::from(velocity > 0);
-                        continue;
-                    }
-                    let before = if velocity > 0 {
-                        held.insert((channel, pitch), Held { start: tick, velocity })
-                    } else {
-                        held.remove(&(channel, pitch))
-                    };
-                    if let Some(before) = before {
-                        self.note(pitch, before, Some(tick))?;
-                    }
+            })?;
+            tick = tick.saturating_add(ticks);
+            if event == Event::EndOfTrack {
+                let strokes = strokes(events);
+                if strokes > 0 {
+                    self.remarks.push(Remark::AfterEndOfTrack { track: number, strokes });
                 }
-                TrackEventKind::Meta(MetaMessage::Tempo(micros)) => match micros.as_int() {
-                    0 => {
-                        return Err(MidiError(format!(
-                            "track {number} sets a tempo of zero seconds a beat; correct the tempo and export the song \
-                             again"
-                        )));
-                    }
-                    micros => self.changes.push(tick, Change::Tempo(micros))?,
-                },
-                TrackEventKind::Meta(MetaMessage::TimeSignature(numerator, power, ..)) => {
-                    if let Some(signature) = Change::signature(numerator, power) {
-                        self.changes.push(tick, signature)?;
-                    }
-                }
-                TrackEventKind::Meta(MetaMessage::EndOfTrack) => break,
-                _ => {}
+                break;
             }
+            self.event(number, tick, event, &mut held)?;
         }
         self.last_tick = self.last_tick.max(tick);
         for ((_, pitch), stroke) in held {
-            self.note(pitch, stroke, None)?;
+            // Without another release, that one was its own.
+            self.note(pitch, stroke, stroke.has_paid.then_some(stroke.start))?;
+        }
+        Ok(())
+    }
+
+    fn event(
+        &mut self,
+        number: usize,
+        tick: u64,
+        event: Event,
+        held: &mut HeldKeys,
+    ) -> Result<(), MidiError> {
+        match event {
+            Event::NoteOn { channel: PERCUSSION, .. } => self.percussion += 1,
+            Event::NoteOn { channel, pitch, velocity } => {
+                let before = held.remove(&(channel, pitch));
+                let new = Held { start: tick, velocity, owes_release: before.is_some(), has_paid: false };
+                held.insert((channel, pitch), new);
+                if let Some(before) = before {
+                    self.note(pitch, before, Some(tick))?;
+                }
+            }
+            Event::NoteOff { channel, pitch } => {
+                // The release of the stroke before, which the new stroke has ended.
+                let is_of_before = |held: &&mut Held| held.owes_release && held.start == tick;
+                if let Some(held) = held.get_mut(&(channel, pitch)).filter(is_of_before) {
+                    (held.owes_release, held.has_paid) = (false, true);
+                } else if let Some(before) = held.remove(&(channel, pitch)) {
+                    self.note(pitch, before, Some(tick))?;
+                }
+            }
+            Event::AllNotesOff { channel } => {
+                for ((_, pitch), before) in held.extract_if(.., |(of, _), _| *of == channel) {
+                    self.ended_by_all_notes_off += 1;
+                    self.note(pitch, before, Some(tick))?;
+                }
+            }
+            Event::Tempo(0) => {
+                return Err(MidiError(format!(
+                    "track {number} sets a tempo of zero seconds a beat; correct the tempo and export the song \
+                     again"
+                )));
+            }
+            Event::Tempo(micros) => self.changes.push(tick, Change::Tempo(micros))?,
+            Event::TimeSignature { numerator, denominator_power } => {
+                if let Some(signature) = Change::signature(numerator, denominator_power) {
+                    self.changes.push(tick, signature)?;
+                }
+            }
+            Event::EndOfTrack | Event::Other => {}
         }
         Ok(())
     }
@@ -133,14 +156,14 @@ impl Reader {
         Ok(())
     }
 
-    fn finish(self, title: String, division: super::chunks::Division) -> Result<Song, MidiError> {
+    fn finish(mut self, title: String, division: Division) -> Result<MidiFile, MidiError> {
         if self.notes.is_empty() {
             return Err(MidiError(format!(
                 "the file has no notes to play{}",
                 percussion_hint(self.percussion)
             )));
         }
-        let map = self.changes.into_map(division);
+        let map = std::mem::take(&mut self.changes).into_map(division);
         let seconds = |note: &TickNote| Note {
             pitch: note.pitch,
             velocity: note.velocity,
@@ -155,9 +178,38 @@ impl Reader {
                  want to hear"
             )));
         }
+        self.remark(&notes);
         let song = Song::new(title, notes, 0.0).map_err(|error| MidiError(error.to_string()))?;
-        Ok(song.with_beats(map.into_beats()))
+        Ok(MidiFile { song: song.with_beats(map.into_beats()), remarks: self.remarks })
     }
+
+    /// Remarks on the notes, which are `notes` in seconds.
+    fn remark(&mut self, notes: &[Note]) {
+        let earliest = |one: &&Note, other: &&Note| one.start_secs.total_cmp(&other.start_secs);
+        let in_pairs = || self.notes.iter().zip(notes);
+        let unreleased = || in_pairs().filter(|(ticks, _)| ticks.end.is_none()).map(|(_, note)| note);
+        if let Some(first) = unreleased().min_by(earliest) {
+            let &Note { pitch, start_secs, end_secs, .. } = first;
+            let notes = unreleased().count();
+            self.remarks.push(Remark::NeverReleased { notes, pitch, start_secs, end_secs });
+        }
+        if self.percussion > 0 {
+            self.remarks.push(Remark::Percussion { strokes: self.percussion });
+        }
+        if self.ended_by_all_notes_off > 0 {
+            self.remarks.push(Remark::AllNotesOff { notes: self.ended_by_all_notes_off });
+        }
+        let secs = notes.iter().min_by(earliest).map_or(0.0, |first| first.start_secs);
+        if secs >= MIN_SILENCE_SECS {
+            self.remarks.push(Remark::Silence { secs });
+        }
+    }
+}
+
+/// Strokes among the events that are left, as far as they can be read.
+fn strokes(mut events: Events<'_>) -> usize {
+    let left = std::iter::from_fn(|| events.next()?.ok());
+    left.filter(|(_, event)| matches!(event, Event::NoteOn { .. })).count()
 }
 
 fn percussion_hint(strokes: usize) -> String {
