@@ -148,7 +148,7 @@ impl Pianos {
         let num_envs = count("num_envs", num_envs, MAX_ENVS)?;
         let threads = count("threads", threads, MAX_THREADS)?;
         py.detach(|| {
-            let song = find_song(song).map_err(error)?;
+            let song = find_song(song, false).map_err(error)?;
             config.check().map_err(error)?;
             let piece = Piece::for_task(&song, &config).map_err(error)?;
             let slot = |seed: usize| {

@@ -45,7 +45,7 @@ const MANY: [f64; 3] = [0.1, 0.1, 0.5];
 pub(crate) fn find_piece(name: &str) -> anyhow::Result<Song> {
     match name.strip_prefix(MELODY).and_then(|seed| seed.parse().ok()) {
         Some(seed) => Ok(melody(seed)),
-        None => Ok(find_song(name)?),
+        None => Ok(find_song(name, false)?),
     }
 }
 
@@ -151,7 +151,7 @@ impl Experiment {
     fn pieces(&self, play: &PlayConfig, smoke: bool) -> anyhow::Result<Vec<NamedPiece>> {
         let mut pieces = Vec::new();
         for name in all_or_first(&self.songs, smoke) {
-            pieces.push(NamedPiece { name: name.clone(), song: find_song(name)?, kinds: vec![SONGS] });
+            pieces.push(NamedPiece { name: name.clone(), song: find_song(name, false)?, kinds: vec![SONGS] });
         }
         let count = |count: usize| if smoke { count.min(1) } else { count };
         for (name, song) in melodies(Split::Validation, count(play.validation_melodies)) {

@@ -118,7 +118,10 @@ impl Experiment {
         config: &ExperimentConfig,
     ) -> anyhow::Result<Vec<Trial>> {
         let smoke = config.smoke;
-        let notes = song.map(find_song).transpose()?.map_or_else(String::new, |song| notes_of(&song));
+        let notes = song
+            .map(|name| find_song(name, false))
+            .transpose()?
+            .map_or_else(String::new, |song| notes_of(&song));
         let mut trials = Vec::new();
         let alone = [Variant { name: String::new(), set: Vec::new(), modes: None }];
         let variants = if self.variants.is_empty() { &alone[..] } else { &self.variants };

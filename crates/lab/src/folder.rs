@@ -80,12 +80,27 @@ mod tests {
 
     #[test]
     fn different_texts_have_different_names() {
-        for same in ["twinkle", "c-major-scale", "月光", "für-elise", "0.025", "op.27-no.2", "latency_secs"] {
+        for same in ["twinkle", "c-major-scale", "月光", "für-elise", "0.025", "op.27-no.2", "latency_secs"]
+        {
             assert_eq!(slug(same), same);
         }
         let texts = [
-            "Für Elise", "für elise", "für-elise", "Fur Elise", "!", "?", "", ".", "a/b", "a b", "a__b", "a_b",
-            "हिन्दी", "हनद", &"long ".repeat(100), &"long ".repeat(101),
+            "Für Elise",
+            "für elise",
+            "für-elise",
+            "Fur Elise",
+            "!",
+            "?",
+            "",
+            ".",
+            "a/b",
+            "a b",
+            "a__b",
+            "a_b",
+            "हिन्दी",
+            "हनद",
+            &"long ".repeat(100),
+            &"long ".repeat(101),
         ];
         let names: std::collections::BTreeSet<String> = texts.iter().map(|text| slug(text)).collect();
         assert_eq!(names.len(), texts.len(), "{names:?}");

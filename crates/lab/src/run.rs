@@ -279,15 +279,18 @@ fn learned_task(folder: &Path) -> Option<TaskConfig> {
     open(&folder.join("policy-last.safetensors")).ok().map(|pianist| pianist.config.task)
 }
 
-/// The song of this name or path; that of a run's folder keeps the title that it was learned under.
+/// The song of this name or path; that of a run's folder as it was learned, with its title then.
+/// The silence before a file's first note is left out, unless `keep_silence`.
 ///
 /// # Errors
 /// As [`etude_music::resolve`].
-pub fn find_song(name_or_path: &str) -> Result<Song, SongError> {
-    let song = etude_music::resolve(name_or_path)?;
+pub fn find_song(name_or_path: &str, keep_silence: bool) -> Result<Song, SongError> {
     match Path::new(name_or_path).parent() {
-        Some(folder) if Path::new(name_or_path).ends_with(SONG) => titled(song, folder),
-        _ => Ok(song),
+        Some(folder) if Path::new(name_or_path).ends_with(SONG) => {
+            titled(etude_music::resolve_file(name_or_path)?.song, folder)
+        }
+        _ if keep_silence => Ok(etude_music::resolve_file(name_or_path)?.song),
+        _ => etude_music::resolve(name_or_path),
     }
 }
 

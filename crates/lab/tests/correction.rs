@@ -41,7 +41,7 @@ proptest! {
         let folder = tempfile::tempdir().unwrap();
         let rig = rig_choice("twin", "standard").unwrap();
         let pianist = load_pianist(&shipped_policy("twinkle").unwrap()).unwrap();
-        let song = find_song("twinkle").unwrap();
+        let song = find_song("twinkle", false).unwrap();
         let play = RobotPlay {
             correction: Some(correction),
             ..RobotPlay::new(&song, &pianist, &rig, mode)

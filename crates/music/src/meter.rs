@@ -136,7 +136,7 @@ impl BeatGrid {
     }
 
     /// The grid of what is left when this many seconds are cut off in front.
-    pub(crate) fn from_secs(&self, secs: f64) -> BeatGrid {
+    pub(crate) fn after_secs(&self, secs: f64) -> BeatGrid {
         let mut left = self.delayed(-secs).segments;
         let sounding = left.iter().rposition(|segment| segment.start_secs <= SECS_TOLERANCE);
         left.drain(..sounding.unwrap_or(0));

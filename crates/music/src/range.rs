@@ -63,7 +63,8 @@ impl OutOfRange {
     fn advice(&self) -> String {
         let by = |semitones: &i32| format!("{semitones:+}");
         let (Some(lowest), Some(highest)) = (self.transpositions.first(), self.transpositions.last()) else {
-            return "No transposition makes it fit: the song spans more than the keyboard. Leave out the notes above."
+            return "No transposition makes it fit: the song spans more than the keyboard. Without these notes: \
+                    `etude songs arrange FILE.mid --within-range -o NEW.mid`."
                 .into();
         };
         let mut text = if lowest == highest {
@@ -107,7 +108,7 @@ mod tests {
             "\"Too wide\" has notes outside the keyboard, which reaches from C2 (36) to C6 (84):\n\
              \x20 B1 (35) at bar 1, beat 4 (1.50 s)\n\
              \x20 C7 (96) at bar 1, beat 2 (0.50 s); bar 2, beat 2 (2.50 s)\n\
-             No transposition makes it fit: the song spans more than the keyboard. Leave out the notes above."
+             No transposition makes it fit: the song spans more than the keyboard. Without these notes: `etude songs arrange FILE.mid --within-range -o NEW.mid`."
         );
         let error = song(&[60, 96]).check_range().unwrap_err().to_string();
         assert!(

@@ -177,7 +177,7 @@ impl Song {
     pub fn without_initial_silence(&self) -> Song {
         let secs = self.notes.first().map_or(0.0, |first| first.start_secs);
         let notes = self.notes.iter().map(|note| shifted(note, -secs)).collect();
-        let (duration_secs, beats) = (self.duration_secs - secs, self.beats.from_secs(secs));
+        let (duration_secs, beats) = (self.duration_secs - secs, self.beats.after_secs(secs));
         Song { notes, duration_secs, beats, title: self.title.clone() }
     }
 

@@ -153,7 +153,7 @@ impl FoundSongs {
             if path.is_dir() || !is_named_midi(&path) {
                 continue;
             }
-            match Song::load(&path).and_then(on_the_keyboard) {
+            match Song::load(&path).map(|song| song.without_initial_silence()).and_then(on_the_keyboard) {
                 Ok(Some(song)) => found.songs.push(song),
                 Ok(None) => found.left_out.push(format!("{} is wider than the keyboard", path.display())),
                 Err(error @ SongError::Read { .. }) => return Err(error.into()),

@@ -34,6 +34,9 @@ enum What {
         /// A built-in song or a MIDI file: the metadata has its notes due and its fingering
         #[arg(value_name = "SONG", value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
+        /// Play a file's silence before its first note too
+        #[arg(long)]
+        keep_silence: bool,
         /// The file; by default SONG.onnx
         #[arg(short = 'o', long = "out", value_name = "FILE.onnx")]
         out: Option<PathBuf>,
@@ -47,8 +50,8 @@ enum What {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let What::Onnx { song: asked, out, pianist, json: as_json } = args.what;
-    let song = find_song(&asked)?;
+    let What::Onnx { song: asked, keep_silence, out, pianist, json: as_json } = args.what;
+    let song = find_song(&asked, keep_silence)?;
     let pianist = pianist.load(&asked, &song, &mut planner(false))?;
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
     let out = output_file(out, "onnx", "the name must end in .onnx")?;

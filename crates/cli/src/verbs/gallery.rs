@@ -55,7 +55,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         for (number, id) in ids.iter().enumerate() {
             show(&mut status, "playing", id, [number, ids.len()]);
             let folder = own.join(id);
-            let song = find_song(id)?;
+            let song = find_song(id, false)?;
             let pianist = pianist_for(id, id, &song, &mut planner)?.pianist;
             let played =
                 play(&song, &pianist, &folder, None, &mut planner, &mut Job::new(&mut |_| {}, &stop))?;

@@ -49,6 +49,9 @@ pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
+    /// Play a file's silence before its first note too
+    #[arg(long)]
+    keep_silence: bool,
     /// joint-mirroring, hybrid or real; by default real, or with --correction its mode
     #[arg(long)]
     mode: Option<Mode>,
@@ -92,7 +95,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let song = find_song(&args.song)?;
+    let song = find_song(&args.song, args.keep_silence)?;
     song.check_range()?;
     // Opened first, so that no request to stop the robot is lost while a policy is loaded.
     let rig = with_faults(rig_choice(&args.robot, &args.twin_params)?, &args.faults)?;

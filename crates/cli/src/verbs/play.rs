@@ -32,6 +32,9 @@ pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
+    /// Play a file's silence before its first note too
+    #[arg(long)]
+    keep_silence: bool,
     #[command(flatten)]
     pianist: PianistArgs,
     /// Folder of the numbered results; if not given out/SONG, with the player if it is not the best
@@ -49,7 +52,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let song = find_song(&args.song)?;
+    let song = find_song(&args.song, args.keep_silence)?;
     song.check_range()?;
     let stop = stop_flag()?;
     let mut planner = planner(args.json);

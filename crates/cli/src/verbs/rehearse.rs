@@ -40,6 +40,9 @@ pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
+    /// Play a file's silence before its first note too
+    #[arg(long)]
+    keep_silence: bool,
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
@@ -99,7 +102,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let song = find_song(&args.song)?;
+    let song = find_song(&args.song, args.keep_silence)?;
     song.check_range()?;
     let name = slug(&args.song);
     let rig = rig_choice(&args.robot, &args.twin_params)?;

@@ -6,7 +6,8 @@ use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::{Arrangement, ZeroShot, easier, find_song, policies, predict_zero_shot};
 use etude_music::{
-    CONTROL_HZ, Note, Song, Split, chords, is_named_midi, melody, pitch_name, repertoire, sound,
+    CONTROL_HZ, Note, Remark, Song, Split, chords, is_named_midi, melody, pitch_name, repertoire,
+    resolve_file, sound,
 };
 use etude_perform::shell_word;
 use etude_task::fingering::UnplayedNote;
@@ -43,6 +44,9 @@ enum What {
         /// A built-in id or a MIDI file
         #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
+        /// Show a file's silence before its first note too
+        #[arg(long)]
+        keep_silence: bool,
         /// Write the keys due at each control step (20 a second) by this configuration to this CSV
         /// file: step,due
         #[arg(long, value_name = "OUT.csv")]
@@ -53,7 +57,7 @@ enum What {
         #[command(flatten)]
         config: ConfigArgs,
         /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second,
-        /// bars, warnings, zero_shot (predicted notes_right and f1 of the shipped sight-reader),
+        /// bars, warnings, remarks (on what a file says that is not played), zero_shot (predicted notes_right and f1 of the shipped sight-reader),
         /// easier (an arrangement with fewer omitted notes: stretch, melody, notes, left_out),
         /// fingering
         #[arg(long)]
@@ -65,6 +69,9 @@ enum What {
         /// A built-in id or a MIDI file
         #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
+        /// Keep a file's silence before its first note too
+        #[arg(long)]
+        keep_silence: bool,
         /// Semitones up, or down if negative
         #[arg(long, default_value_t = 0, value_name = "SEMITONES", allow_hyphen_values = true)]
         transpose: i32,
@@ -74,6 +81,9 @@ enum What {
         /// Keep the upper voice alone: notes that begin below a sounding one are dropped
         #[arg(long)]
         melody: bool,
+        /// Leave out the notes that the keyboard does not have
+        #[arg(long)]
+        within_range: bool,
         /// The new file
         #[arg(short, long, value_name = "OUT.mid")]
         out: PathBuf,
@@ -107,11 +117,12 @@ fn part(text: &str) -> Result<Split, String> {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     match args.what {
         None => list(args.json)?,
-        Some(What::Show { song, frames, reference, config, json }) => {
-            show(&song, frames, reference, &config.resolve()?.task, json || args.json)?;
+        Some(What::Show { song, keep_silence, frames, reference, config, json }) => {
+            show(&song, keep_silence, frames, reference, &config.resolve()?.task, json || args.json)?;
         }
-        Some(What::Arrange { song, transpose, stretch, melody, out }) => {
-            arrange(&song, transpose, stretch, melody, &out)?;
+        Some(What::Arrange { song, keep_silence, transpose, stretch, melody, within_range, out }) => {
+            let new = arranged(&find_song(&song, keep_silence)?, transpose, stretch, melody)?;
+            arrange(&song, if within_range { new.within_range() } else { new }, &out)?;
         }
         Some(What::Make { seed, part, out, json }) => make(seed, part, &out, json || args.json)?,
     }
@@ -145,12 +156,16 @@ fn list(as_json: bool) -> anyhow::Result<()> {
 
 fn show(
     name: &str,
+    keep_silence: bool,
     frames_csv: Option<PathBuf>,
     reference: Option<PathBuf>,
     task: &TaskConfig,
     as_json: bool,
 ) -> anyhow::Result<()> {
-    let song = find_song(name)?;
+    let song = find_song(name, keep_silence)?;
+    let is_true = |remark: &Remark| !keep_silence || !matches!(remark, Remark::Silence { .. });
+    let remarks = resolve_file(name)?.remarks.into_iter().filter(is_true);
+    let remarks: Vec<String> = remarks.map(|remark| remark.to_string()).collect();
     // Whether or not the policy is shown a fingering, it says what the hand cannot play.
     let task = &TaskConfig { fingering: true, ..task.clone() };
     frames_csv.iter().try_for_each(|path| check_replaceable(path, "step,due\n"))?;
@@ -186,7 +201,7 @@ fn show(
                 json!({"notes": notes, "bar": place.bar, "beat": place.beat, "secs": secs})
             }), "bars": bars.iter().map(|(bar, secs, chords)| {
                 json!({"bar": bar, "secs": secs, "chords": chords})
-            }).collect::<Vec<_>>(), "warnings": warnings, "zero_shot": zero_shot, "easier": arrangement, "fingering": limits.map(|limits| json!({
+            }).collect::<Vec<_>>(), "warnings": warnings, "remarks": remarks, "zero_shot": zero_shot, "easier": arrangement, "fingering": limits.map(|limits| json!({
                 "summary": limits.to_string(),
                 "limits": limits.notes.iter().map(|limit| {
                     let (place, secs) = position_of(limit);
@@ -210,6 +225,7 @@ fn show(
         for (bar, _, chords) in bars {
             line(format!("  bar {bar:3}  {}", chords.join("  ")))?;
         }
+        print_first(remarks.iter().map(|remark| format!("note: {remark}")))?;
         print_first(warnings.iter().map(|warning| format!("warning: {warning}")))?;
         if let Some(limits) = limits {
             line(format!("With three fingers: {limits}"))?;
@@ -287,8 +303,8 @@ fn chord_name(song: &Song, chord: &[Note]) -> String {
 }
 
 /// The song in another key or tempo, or its upper voice.
-pub(super) fn arranged(name: &str, semitones: i32, factor: f64, melody: bool) -> anyhow::Result<Song> {
-    let song = find_song(name)?.transpose(semitones)?.stretch(factor)?;
+pub(super) fn arranged(song: &Song, semitones: i32, factor: f64, melody: bool) -> anyhow::Result<Song> {
+    let song = song.transpose(semitones)?.stretch(factor)?;
     Ok(if melody { song.upper_voice() } else { song })
 }
 
@@ -307,9 +323,12 @@ pub(super) fn arrange_options(semitones: i32, factor: f64, melody: bool) -> Vec<
     options
 }
 
-fn arrange(name: &str, semitones: i32, factor: f64, melody: bool, out: &Path) -> anyhow::Result<()> {
-    let song = arranged(name, semitones, factor, melody)?;
+fn arrange(name: &str, song: Song, out: &Path) -> anyhow::Result<()> {
     song.check_range()?;
+    anyhow::ensure!(
+        !song.notes().is_empty(),
+        "no note of it is on the keyboard: transpose it with --transpose"
+    );
     let same = |path: &Path| std::fs::canonicalize(path).ok();
     if same(out).is_some_and(|out| same(Path::new(name)) == Some(out)) {
         anyhow::bail!("{} is the song itself; choose another name with -o", out.display());

@@ -34,6 +34,9 @@ pub struct Args {
     /// learned (--preset sight-reader)
     #[arg(required_unless_present_any = ["resume", "preset", "config"], conflicts_with = "resume", value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: Option<String>,
+    /// Play a file's silence before its first note too
+    #[arg(long)]
+    keep_silence: bool,
     #[command(flatten)]
     config: ConfigArgs,
     /// The run's folder; by default runs/SONG__PRESET__SEED
@@ -65,7 +68,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let (folder, mut run) = match (&args.resume, &args.song) {
         (Some(folder), _) => (folder.clone(), Run::resume(folder, &args.config.overrides, &mut planner)?),
         (None, name) => {
-            let song = name.as_deref().map(find_song).transpose()?;
+            let song = name.as_deref().map(|name| find_song(name, args.keep_silence)).transpose()?;
             let source = args.from.as_deref().map(policy_called).transpose()?;
             let mut config = args.config.resolve()?;
             if let Some(source) = source.as_deref().filter(|_| song.is_some()) {

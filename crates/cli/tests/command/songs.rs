@@ -2,7 +2,7 @@
 
 use etude_music::{Note, Song};
 
-use crate::{Sandbox, TINY, csv, errors};
+use crate::{Sandbox, TINY, csv, errors, root, succeed};
 
 #[test]
 fn all_seven_are_listed_with_the_papers_lengths() {
@@ -242,4 +242,59 @@ fn a_song_that_does_not_fit_is_arranged() {
         assert!(!sandbox.path("new.mid").exists());
     }
     assert_eq!(sandbox.json("songs show low.mid --json"), low, "refused, and left as it was");
+}
+
+#[test]
+fn what_a_file_holds_and_is_not_played_is_said() {
+    let sandbox = Sandbox::new();
+    let case = |name: &str| root().join("crates/music/tests/golden/cases").join(name).display().to_string();
+    let shown = sandbox.ok(&format!("songs show {}", case("left-hand-on-channel-10.mid")));
+    assert!(shown.contains("note: 4 strokes on channel 10"), "{shown}");
+    let silent = case("a-minute-of-silence.mid");
+    let shown = sandbox.json(&format!("songs show {silent} --json"));
+    assert_eq!(shown["secs"], 2.0, "{shown}");
+    assert!(shown["remarks"][0].as_str().unwrap().starts_with("60.0 s of silence"), "{shown}");
+    let kept = sandbox.json(&format!("songs show {silent} --keep-silence --json"));
+    assert_eq!((&kept["secs"], &kept["remarks"]), (&62.0.into(), &serde_json::json!([])));
+    // A training learns the notes, not the silence.
+    assert!(succeed(sandbox.tiny(&format!("{silent} -o run"))).contains("Finished"));
+    assert_eq!(sandbox.json("songs show run/song.mid --json")["secs"], 2.0);
+}
+
+#[test]
+fn notes_that_the_keyboard_does_not_have_are_left_out_on_request() {
+    let sandbox = Sandbox::new();
+    write(&sandbox, "wide.mid", [(0.0, 0.4, 30), (0.5, 0.4, 60), (1.0, 0.4, 62), (1.5, 0.4, 100)]);
+    let output = sandbox.command("songs show wide.mid").output().unwrap();
+    let advice = errors(&output);
+    assert!(advice.contains("`etude songs arrange FILE.mid --within-range -o NEW.mid`"), "{advice}");
+    sandbox.ok("songs arrange wide.mid --within-range -o inside.mid");
+    assert_eq!(sandbox.json("songs show inside.mid --json")["notes"], 2);
+}
+
+/// Names without Latin letters: each song has folders, a run and a model of its own.
+#[test]
+fn names_of_every_script_are_kept_apart() {
+    let sandbox = Sandbox::new();
+    let names = ["月光", "春", "Für Elise", "für elise"];
+    for (index, name) in names.iter().enumerate() {
+        sandbox.write_song(&format!("{name}.mid"), [60 + index as u8, 62, 64]);
+    }
+    let run = |args: &[&str]| {
+        let mut command = sandbox.command("");
+        command.args(args);
+        succeed(command)
+    };
+    let sets: Vec<&str> = TINY.iter().flat_map(|set| ["--set", set]).collect();
+    for name in names {
+        let file = format!("{name}.mid");
+        run(&["play", &file, "--scripted"]);
+        run(&[&["train", file.as_str()], sets.as_slice()].concat());
+        run(&["export", "onnx", &file]);
+    }
+    for folder in ["out", "runs"] {
+        let made: Vec<_> = std::fs::read_dir(sandbox.path(folder)).unwrap().collect();
+        assert_eq!(made.len(), names.len(), "{folder}: {made:?}");
+    }
+    assert!(sandbox.path("月光.onnx").is_file() && sandbox.path("runs/春__fast__0").is_dir());
 }

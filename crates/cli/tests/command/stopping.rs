@@ -200,6 +200,21 @@ fn a_stop_is_not_lost_while_an_arm_is_made_ready_to_be_led() {
     assert!(is_safe(twin.seen(&sandbox)));
 }
 
+/// The end of the input is not Enter: nothing is calibrated.
+#[test]
+fn a_terminal_that_goes_while_an_arm_is_led_calibrates_nothing() {
+    let sandbox = Sandbox::new();
+    let twin = Served::start(&sandbox);
+    let calibration = RigConfig::load(&twin.rig).unwrap().calibration;
+    let before = std::fs::read(&calibration).unwrap();
+    let rig = twin.rig.display();
+    let mut leading = sandbox.command(&format!("robot calibrate --robot {rig} --at middle --by-hand"));
+    let output = leading.stdin(Stdio::null()).output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    assert_eq!(std::fs::read(&calibration).unwrap(), before);
+    assert!(is_safe(twin.seen(&sandbox)));
+}
+
 /// A controller that hangs keeps its claim, and its guard must try again all the same until the
 /// hand confirms.
 #[test]

@@ -22,7 +22,7 @@ const CURVE: &str = "curve.json";
 impl RunningTrial<'_, '_> {
     pub(super) fn rehearse(&mut self, config: &RehearsalConfig) -> anyhow::Result<(TrialResult, TrialTimes)> {
         let begun = Instant::now();
-        let song = find_song(&config.song)?;
+        let song = find_song(&config.song, false)?;
         let rig = rig_choice(&config.rig, config.twin_params.as_deref().unwrap_or_default())?;
         let config = RehearsalConfig { threads: Some(self.threads), ..config.clone() };
         let (folder, interrupt) = (self.folder.join("rehearsal"), self.job.interrupt());

@@ -126,7 +126,7 @@ impl ApiRequest {
 /// Writes an arrangement. The same one again replaces its file.
 fn arrange(workspace: &Workspace, arrangement: Arrangement) -> Result<JobSpec, ApiError> {
     let Arrangement { song, transpose, stretch, melody } = arrangement;
-    let (listed, _) = workspace.song(&song)?;
+    let (listed, written) = workspace.song(&song)?;
     make_folder(SONGS)?;
     let mut stem = listed.title;
     if transpose != 0 {
@@ -139,7 +139,7 @@ fn arrange(workspace: &Workspace, arrangement: Arrangement) -> Result<JobSpec, A
         stem += " melody";
     }
     // The verb reports what cannot be arranged.
-    let notes = arranged(&song, transpose, stretch, melody).map(|song| song.to_midi()).ok();
+    let notes = arranged(&written, transpose, stretch, melody).map(|song| song.to_midi()).ok();
     let is_same = |known: &ListedSong| notes.is_some() && std::fs::read(&known.song).ok() == notes;
     let file = workspace.free_name(&stem, is_same).unwrap_or_else(|same| same);
     let options = arrange_options(transpose, stretch, melody);

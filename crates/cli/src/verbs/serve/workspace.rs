@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
 use etude_lab::{LATEST, PAGE, Pianist, RECORDING, REPORT, SongPlanner, all_results, find_song, pianist_for};
-use etude_music::{Song, SongError, repertoire};
+use etude_music::{Song, SongError, is_named_midi, repertoire};
 use etude_perform::write_file;
 use etude_show::watch::{Point, RunFigures, WatchedRun, runs_in};
 use hyper::StatusCode;
@@ -78,7 +78,7 @@ impl Workspace {
             .iter()
             .map(|piece| ListedSong { song: piece.id.into(), title: piece.title.into() });
         let mut files: Vec<PathBuf> = MIDI_FOLDERS.into_iter().flat_map(entries).collect();
-        files.retain(|path| path.extension().is_some_and(|extension| extension == "mid") && path.is_file());
+        files.retain(|path| is_named_midi(path) && path.is_file());
         files.sort();
         let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let files = files
@@ -93,7 +93,7 @@ impl Workspace {
         let listed = listed.ok_or_else(|| {
             ApiError::not_found(format!("there is no song `{song}` any more; reload the page"))
         })?;
-        let song = find_song(song).map_err(anyhow::Error::from)?;
+        let song = find_song(song, false).map_err(anyhow::Error::from)?;
         Ok((listed, song))
     }
 
@@ -245,12 +245,7 @@ fn tidy(name: &str) -> String {
     let words: Vec<&str> = plain.split_whitespace().collect();
     let text: String = words.join(" ").chars().take(MAX_NAME_CHARS).collect();
     let text = text.trim_matches(|c: char| !c.is_alphanumeric() && c != ')');
-    // The slug has ASCII letters only.
-    if etude_lab::slug(text).is_empty() {
-        format!("song {text}").trim_end().to_string()
-    } else {
-        text.to_string()
-    }
+    if text.is_empty() { "song".to_string() } else { text.to_string() }
 }
 
 /// The entries of a folder with Unicode names; none if there is no folder.
@@ -308,7 +303,7 @@ mod tests {
             ("-o out.mid", "o out"),
             (".hidden.mid", "hidden"),
             ("a\0b\nc<img>.mid", "a b c img"),
-            ("песня.mid", "song песня"),
+            ("песня.mid", "песня"),
             ("", "song"),
             ("...", "song"),
         ] {
