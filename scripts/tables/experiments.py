@@ -26,6 +26,16 @@ def last_five(course, measure):
     return {key: statistics.mean(group[-5:]) for key, group in values.items()}
 
 
+def best(course, measure):
+    """A measure at the evaluation whose policy is kept, of each song and seed."""
+    kept = {}
+    for entry in sorted(course, key=lambda entry: int(entry["step"])):
+        key = entry["song"], entry["seed"]
+        if key not in kept or float(entry["overall"]) > float(kept[key]["overall"]):
+            kept[key] = entry
+    return {key: float(entry[measure]) for key, entry in kept.items()}
+
+
 def by_song(trainings):
     songs = collections.defaultdict(list)
     for (song, _), value in trainings.items():
@@ -89,7 +99,7 @@ def experiment(options):
     of_twin = ["gap", *["onset F1"] * bool(onset), *["notes right, wrong"] * has_notes]
     cells = [", ".join(by).replace("_", " "), *(f"F1 after {steps:,} steps" for steps in options.after)]
     cells += [f"F1 ({options.rule})", *["onset F1"] * ("sim_onset_f1" in rows[0])]
-    cells += ["last five: F1", "notes right, wrong"] * is_long
+    cells += ["its notes right, wrong", "last five: F1", "notes right, wrong"] * is_long
     cells += [text for twin in twins for text in (f"`{twin}`: F1", *of_twin)]
     compared = by == ["variant"] and len({label(entry) for entry in rows}) > 1
     cells += ["difference of F1", *(f"`{twin}`: difference of F1" for twin in twins)] * compared
@@ -105,7 +115,7 @@ def experiment(options):
         if "sim_onset_f1" in rows[0]:
             cells.append(f"{mean(by_training(mine, 'sim_onset_f1')):.3f}")
         if is_long:
-            cells += [f"{mean(last_five(curve, 'f1')):.3f}", notes(curve, last_five)]
+            cells += [notes(curve, best), f"{mean(last_five(curve, 'f1')):.3f}", notes(curve, last_five)]
         scores = [simulation]
         for twin in twins:
             there = [entry for entry in mine if entry["twin_params"] == twin]
