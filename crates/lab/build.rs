@@ -1,4 +1,5 @@
-//! Lets this crate's executables find MuJoCo at run time: beside an installed binary, else where `make setup` put it.
+//! Lets this crate's executables find MuJoCo at run time: beside an installed binary, else where
+//! `make setup` put it.
 
 fn main() {
     println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN/../lib");

@@ -11,7 +11,9 @@ mod verbs;
 mod watch;
 
 use std::process::ExitCode;
+use std::sync::Arc;
 
+use clap::error::ErrorKind;
 use clap::{CommandFactory as _, Parser, Subcommand};
 
 use crate::output::{Ending, error_message, is_broken_pipe, note};
@@ -91,7 +93,17 @@ enum Verb {
 fn main() -> ExitCode {
     // A stop that is requested from now on counts, also while files are loaded.
     etude_perform::session::process_begins();
+    // A limit on the size of files is an error of the write, not the end of a robot's controller.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let cli = Cli::try_parse().unwrap_or_else(|error| {
+        let odd = std::env::args_os().find(|word| word.to_str().is_none());
+        if let Some(word) = odd.filter(|_| error.kind() == ErrorKind::InvalidUtf8) {
+            note(format!(
+                "etude: the name `{}` is not valid UTF-8: give the file another name (`mv OLD NEW`), and use that",
+                word.display()
+            ));
+            std::process::exit(2);
+        }
         let words: Vec<String> =
             std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
         mistakes::explained(error, Cli::command(), &words).exit()

@@ -43,10 +43,11 @@ settings! {
         pub noise_counts: u16 = 0;
         /// Seed of that noise.
         pub seed: u64 = 0;
-        /// Whether servo OFF cuts the torque and is reported. A hand whose OFF does nothing holds its
-        /// torque.
+        /// Whether servo OFF cuts the torque and is reported. A hand whose OFF does nothing holds
+        /// its torque.
         pub off_cuts: bool = true;
-        /// Torque is cut when no torque frame came for so long, s; with none it is held without limit.
+        /// Torque is cut when no torque frame came for so long, s; with none it is held without
+        /// limit.
         pub torque_timeout_secs: Option<f64> = None;
         /// The hand's clock runs this much faster than the host's, as a share (0.0001 is 100 ppm).
         pub clock_skew: f64 = 0.0;

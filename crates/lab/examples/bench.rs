@@ -1,5 +1,5 @@
-//! Speed of environments, learner and whole trainings on this machine, as JSON: `bench SECS`, so many seconds for
-//! each measurement. `benches/run.py` compares it with other programs.
+//! Speed of environments, learner and whole trainings on this machine, as JSON: `bench SECS`, so
+//! many seconds for each measurement. `benches/run.py` compares it with other programs.
 #![allow(clippy::print_stdout, reason = "it prints what it measures")]
 
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Figures of the first melodies of a part, planned as the preset `sight-reader` plans them: `corpus PART COUNT`.
+//! Figures of the first melodies of a part, planned as the preset `sight-reader` plans them:
+//! `corpus PART COUNT`.
 #![allow(clippy::print_stdout, reason = "it prints what it measures")]
 
 use std::collections::BTreeSet;

@@ -100,8 +100,8 @@ pub fn easier(
     (best != now).then_some(best)
 }
 
-/// What the hand cannot play of `song` in the world of `task`, in a line: how many notes a fingering
-/// leaves out, and why. A song beyond the keyboard has no fingering, and no line.
+/// What the hand cannot play of `song` in the world of `task`, in a line: how many notes a
+/// fingering leaves out, and why. A song beyond the keyboard has no fingering, and no line.
 ///
 /// # Errors
 /// If the task is not sound.

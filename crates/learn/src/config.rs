@@ -26,8 +26,9 @@ pub enum Arithmetic {
     F32,
     /// Operands rounded to bfloat16, sums in single precision: faster on processors with AVX-512
     /// BF16. On others, and where the width of a layer or the rows of a batch are not a multiple of
-    /// 32, it is the same as [`F32`](Self::F32); a training can be resumed on another kind of processor, but not bit for
-    /// bit. Parameters, optimiser and everything between the products are in single precision.
+    /// 32, it is the same as [`F32`](Self::F32); a training can be resumed on another kind of
+    /// processor, but not bit for bit. Parameters, optimiser and everything between the products
+    /// are in single precision.
     Bf16,
 }
 

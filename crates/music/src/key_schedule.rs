@@ -69,8 +69,8 @@ impl KeyScheduleConfig {
     /// The key schedule of a song after this much silence, which is rounded to whole frames.
     ///
     /// With [`KeyScheduleRule::Articulated`], a note keeps at least half of the frames until its
-    /// key is struck again; [`KeyScheduleConfig::quick_repeats`] lists where the rest is shorter for
-    /// that reason.
+    /// key is struck again; [`KeyScheduleConfig::quick_repeats`] lists where the rest is shorter
+    /// for that reason.
     ///
     /// # Errors
     /// As [`Song::episode_frames`]; also if a number is out of its range.
@@ -106,8 +106,8 @@ impl KeyScheduleConfig {
         (sounding, in_frames)
     }
 
-    /// The repeated notes that come too soon for the whole rest, in order of time, a line each; none
-    /// with [`KeyScheduleRule::Robopianist`].
+    /// The repeated notes that come too soon for the whole rest, in order of time, a line each;
+    /// none with [`KeyScheduleRule::Robopianist`].
     pub fn quick_repeats(&self, song: &Song) -> Vec<String> {
         if self.rule == KeyScheduleRule::Robopianist {
             return Vec::new();

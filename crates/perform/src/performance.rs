@@ -81,6 +81,8 @@ pub struct RobotResult {
     pub clamped: u64,
     /// Records that are missing in the recording because there were too many at once.
     pub lost_records: u64,
+    /// What the operator should know of the keyboard.
+    pub warnings: Vec<String>,
     /// How the joints were asked to move and how they moved; empty without a correction, even an
     /// empty one.
     pub tracking: Tracking,

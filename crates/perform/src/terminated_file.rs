@@ -2,7 +2,7 @@
 //! killed in the middle of a write.
 
 use std::fs::File;
-use std::io::Write as _;
+use std::io::{Seek as _, Write as _};
 use std::path::Path;
 
 use atomic_write_file::AtomicWriteFile;
@@ -98,6 +98,16 @@ pub(crate) fn filler(len: usize) -> usize {
     if left >= UNINDEXED_END.len() { 0 } else { left.max(RECORD_HEADER) }
 }
 
+/// Writes `file` under its name again if its folder was removed meanwhile.
+pub(crate) fn restore(path: &Path, mut file: &File) -> std::io::Result<()> {
+    if path.exists() {
+        return Ok(());
+    }
+    path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+    file.rewind()?;
+    std::io::copy(&mut file, &mut File::create(path)?).map(|_| ())
+}
+
 /// A new file with these records and an end. Under its name there is never a file without an end.
 pub(crate) fn begin_file(path: &Path, records: &[u8]) -> Result<TerminatedFile<File>, RecordingError> {
     let open = |source| RecordingError::Open { path: path.to_path_buf(), source };
@@ -112,7 +122,7 @@ pub(crate) fn begin_file(path: &Path, records: &[u8]) -> Result<TerminatedFile<F
         let written = whole.write_all(records).and_then(|()| whole.write_all(&UNINDEXED_END));
         written.and_then(|()| whole.commit()).map_err(fail)?;
     }
-    let disk = File::options().write(true).open(path).map_err(open)?;
+    let disk = File::options().read(true).write(true).open(path).map_err(open)?;
     let mut file = TerminatedFile { disk, len: if is_device { 0 } else { records.len() as u64 } };
     if is_device {
         file.add(records).map_err(fail)?;

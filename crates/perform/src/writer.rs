@@ -18,7 +18,7 @@ use mcap::write::NoSeek;
 use crate::error::RecordingError;
 use crate::messages::{Header, Message, topics};
 use crate::recording::SCHEMA;
-use crate::terminated_file::{Disk, RECORD_HEADER, TerminatedFile, begin_file, filler};
+use crate::terminated_file::{Disk, RECORD_HEADER, TerminatedFile, begin_file, filler, restore};
 
 /// Time of a performance after which a chunk is written even if it is small, s.
 const FLUSH_SECS: f64 = 1.0;
@@ -95,13 +95,18 @@ impl RecordingWriter {
         let file = begin_file(path, &records)?;
         let failed = Arc::new(OnceLock::new());
         let (lines, waiting) = sync_channel(MAX_QUEUED);
-        let failure = Arc::clone(&failed);
+        let (failure, place) = (Arc::clone(&failed), path.to_path_buf());
         let thread = std::thread::Builder::new()
             .name("recording".to_string())
             .spawn(move || {
-                if let Err(error) = write_lines(writer, &pending, file, &waiting) {
+                let mut file = file;
+                let written = write_lines(writer, &pending, &mut file, &waiting);
+                let kept = written
+                    .map_err(|error| cause(&error))
+                    .and_then(|()| restore(&place, &file.disk).map_err(|error| error.to_string()));
+                if let Err(message) = kept {
                     // Only this thread sets it while it runs.
-                    let _ = failure.set(cause(&error));
+                    let _ = failure.set(message);
                 }
             })
             .map_err(|error| fail(error.to_string()))?;
@@ -221,13 +226,13 @@ fn begin(pending: &Pending) -> mcap::McapResult<(McapFile, Vec<(&'static str, u1
 fn write_lines<D: Disk>(
     mut writer: McapFile,
     pending: &Pending,
-    mut file: TerminatedFile<D>,
+    file: &mut TerminatedFile<D>,
     lines: &Receiver<QueuedMessage>,
 ) -> mcap::McapResult<()> {
     for line in lines {
         writer.write_to_known_channel(&line.header, &line.text)?;
         if line.flush || !pending.is_empty() {
-            add_pending(&mut writer, pending, &mut file)?;
+            add_pending(&mut writer, pending, file)?;
         }
     }
     writer.finish()?;
@@ -280,6 +285,21 @@ mod tests {
     use super::*;
     use crate::terminated_file::PAGE;
     use crate::{Recording, StepMessage};
+
+    #[test]
+    fn a_recording_whose_folder_was_removed_is_written_again() {
+        let there = tempfile::tempdir().unwrap();
+        let path = there.path().join("out/1/run-1.mcap");
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let mut writer = RecordingWriter::create(&path, &Header::default()).unwrap();
+        let step = StepMessage { positions: vec![0.1; 16], ..StepMessage::default() };
+        writer.write(0.05, &step).unwrap();
+        std::fs::remove_dir_all(there.path().join("out")).unwrap();
+        writer.write(0.1, &step).unwrap();
+        writer.finish().unwrap();
+        let recording = Recording::read(&path).unwrap();
+        assert!(recording.complete && recording.steps.len() == 2, "{}", recording.steps.len());
+    }
 
     /// Keeps what a kill could leave: the bytes after each page of each write.
     #[derive(Default)]
@@ -341,7 +361,7 @@ mod tests {
             );
         }
         drop(lines);
-        let written = write_lines(writer, &pending, file, &waiting);
+        let written = write_lines(writer, &pending, &mut file, &waiting);
         assert_eq!(written.is_err(), room.is_some());
         std::mem::take(&mut left.lock().unwrap())
     }

@@ -37,8 +37,8 @@ pub struct RigConfig {
 }
 
 settings! {
-    /// Where the devices are. The defaults are as the devices come: the first CAN interface, the arm's
-    /// address after a reset, the keyboard by its name.
+    /// Where the devices are. The defaults are as the devices come: the first CAN interface, the
+    /// arm's address after a reset, the keyboard by its name.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct WiresConfig {
@@ -62,11 +62,11 @@ settings! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct LimitsConfig("limits") {
-        /// Largest speed of a finger joint's set-point, rad/s. The default is the highest speed that
-        /// allegro_hand_ros_v4 names.
+        /// Largest speed of a finger joint's set-point, rad/s. The default is the highest speed
+        /// that allegro_hand_ros_v4 names.
         pub finger_velocity: f64 = 13.0, positive_to(13.0);
-        /// Largest acceleration, rad/s². By default from rest to full speed in 6.5 ms, two periods of
-        /// the hand. The torque clamp bounds the fingers before this does.
+        /// Largest acceleration, rad/s². By default from rest to full speed in 6.5 ms, two periods
+        /// of the hand. The torque clamp bounds the fingers before this does.
         pub finger_acceleration: f64 = 2000.0, positive_to(2000.0);
         /// Largest jerk, rad/s³. By default the full acceleration within one set-point.
         pub finger_jerk: f64 = 400_000.0, positive_to(400_000.0);
@@ -81,8 +81,8 @@ settings! {
         /// not look.
         pub rail_acceleration: f64 = 7.5, positive_to(14.0);
         /// Largest jerk, m/s³. By default the full acceleration in one set-point, as the arm itself
-        /// would take it in servo mode; at most nearly all of the largest one, from one direction to
-        /// the other, within one set-point.
+        /// would take it in servo mode; at most nearly all of the largest one, from one direction
+        /// to the other, within one set-point.
         pub rail_jerk: f64 = 1500.0, positive_to(5000.0);
         /// The speed while a key sounds or a fingertip is as low as between two fences, m/s: it is
         /// not dragged against them faster. A judgement: what the paper's fences bear is not
@@ -99,9 +99,9 @@ settings! {
         /// default is three control steps.
         pub stale_command_secs: f64 = 0.15, positive_to(2.0);
         /// How far a joint of the hand may be from its reference while it holds or moves, rad. The
-        /// default is three times where the joint loop already pushes as hard as it may (675 of 3600
-        /// PWM a rad). Policies press by asking for far below a key: 1.2 rad for as long as a note
-        /// is held, and no note of the songs is held for five seconds.
+        /// default is three times where the joint loop already pushes as hard as it may (675 of
+        /// 3600 PWM a rad). Policies press by asking for far below a key: 1.2 rad for as long as a
+        /// note is held, and no note of the songs is held for five seconds.
         pub following_rad: f64 = 0.6, positive_to(1.5);
         /// How long it may be farther, s.
         pub following_secs: f64 = 5.0, positive_to(10.0);

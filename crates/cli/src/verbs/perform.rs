@@ -142,6 +142,15 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     } else {
         print(&report, f1_name(pianist.config.task.key_schedule.rule))?;
     }
+    let mut warnings: Vec<&String> = report.runs.iter().flat_map(|run| &run.warnings).collect();
+    warnings.dedup();
+    warnings.iter().for_each(|warning| note(format!("warning: {warning}")));
+    if let Some(why) = &report.not_played {
+        anyhow::bail!(
+            "run {} was not played: {why}; the report has the runs before it",
+            report.runs.len() + 1
+        );
+    }
     match report.runs.last().map(|run| &run.ending) {
         Some(Played::Fault(fault)) => anyhow::bail!(
             "the performance ended with a fault: {fault}; remove the cause, then repeat the command"

@@ -57,9 +57,9 @@ enum What {
         #[command(flatten)]
         config: ConfigArgs,
         /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second,
-        /// bars, warnings, remarks (on what a file says that is not played), zero_shot (predicted notes_right and f1 of the shipped sight-reader),
-        /// easier (an arrangement with fewer omitted notes: stretch, melody, notes, left_out),
-        /// fingering
+        /// bars, warnings, remarks (what of a file is not played as written), zero_shot (predicted
+        /// notes_right and f1 of the shipped sight-reader), easier (an arrangement with fewer
+        /// omitted notes: stretch, melody, notes, left_out), fingering
         #[arg(long)]
         json: bool,
     },

@@ -367,3 +367,15 @@ fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
     let output = sandbox.command("show").arg("it's mine.mid").output().unwrap();
     assert!(errors(&output).contains(r#"`etude songs show "it's mine.mid"`"#), "{}", errors(&output));
 }
+
+/// A song is text, and so must its name be; any path of a result may be odd.
+#[test]
+fn a_name_that_is_no_text_is_named() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let sandbox = Sandbox::new();
+    let mut command = sandbox.command("songs show");
+    let output = command.arg(std::ffi::OsStr::from_bytes(b"m\xf6we.mid")).output().unwrap();
+    let said = errors(&output);
+    assert!(output.status.code() == Some(2) && said.contains("we.mid` is not valid UTF-8"), "{said}");
+    assert!(said.contains("mv OLD NEW"), "{said}");
+}

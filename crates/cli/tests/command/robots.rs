@@ -1,9 +1,17 @@
 //! `etude perform`, `robot`, `record` and `twin`: a robot that is not there, driven as a real one
 //! is.
 
-use crate::playing::check_elsewhere;
-use crate::{Sandbox, errors};
+use std::io::{Read as _, Write as _};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
 use etude_perform::Recording;
+use serde_json::Value;
+
+use crate::playing::check_elsewhere;
+use crate::served_twin::Served;
+use crate::{Sandbox, errors, wait_for};
 
 const MODES: [&str; 3] = ["joint-mirroring", "hybrid", "real"];
 
@@ -164,4 +172,93 @@ fn a_robot_at_rest_can_be_recorded() {
     sandbox.ok("record --robot twin --secs 1 -o rest.mcap");
     let recording = Recording::read(&sandbox.path("rest.mcap")).unwrap();
     assert!(recording.complete && recording.hand.len() > 300 && recording.setpoints.len() >= 200);
+}
+
+/// The first run is complete; then the rig file names a robot that is not there.
+#[test]
+fn a_run_that_is_complete_has_a_report_if_the_next_one_cannot_begin() {
+    let sandbox = Sandbox::new();
+    let twin = Served::start(&sandbox);
+    let rig = sandbox.path("rig.toml");
+    std::fs::copy(&twin.rig, &rig).unwrap();
+    let lead = "--set task.plan.latency_compensation_secs=0.1";
+    let mut play = sandbox
+        .command(&format!("perform short.mid --scripted --robot rig.toml --home --runs 2 {lead} -o p"));
+    let play = play.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    wait_for("the first run never ended", || sandbox.path("p/1/run-1.csv").exists());
+    let text = std::fs::read_to_string(&rig).unwrap();
+    std::fs::write(&rig, text.replace("bus:", "bus:/nowhere")).unwrap();
+    let output = play.wait_with_output().unwrap();
+    let said = errors(&output);
+    assert!(output.status.code() == Some(1) && said.contains("run 2 was not played"), "{said}");
+    let report: Value = serde_json::from_slice(&sandbox.bytes("p/1/report.json")).unwrap();
+    assert_eq!(report["runs"].as_array().unwrap().len(), 1, "{report}");
+    assert!(report["not_played"].is_string(), "{report}");
+}
+
+/// As a disk's quota or `ulimit -f` does it: the write fails, and the robot is let go.
+#[test]
+fn a_limit_on_the_size_of_files_does_not_kill_the_controller() {
+    let sandbox = Sandbox::new();
+    let mut command = Command::new("bash");
+    let etude = assert_cmd::cargo::cargo_bin!("etude").display().to_string();
+    let line = format!("ulimit -f 64; exec {etude} record --robot twin --secs 20 -o r.mcap");
+    let output = command.current_dir(sandbox.path("")).args(["-c", &line]).output().unwrap();
+    let said = errors(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("r.mcap") && said.contains("File too large"), "{said}");
+    assert!(Recording::read(&sandbox.path("r.mcap")).is_ok(), "what was recorded is kept");
+}
+
+/// A keyboard that gives every note of the one at `source` this much higher, at `socket`.
+fn shift_keyboard(source: PathBuf, socket: &Path, semitones: u8) {
+    let listener = UnixListener::bind(socket).unwrap();
+    let relay = move |mut client: UnixStream| {
+        let mut keyboard = UnixStream::connect(&source).unwrap();
+        let (mut byte, mut message) = ([0], Vec::new());
+        while keyboard.read_exact(&mut byte).is_ok() {
+            match byte[0] {
+                0xF8.. => continue,
+                status @ 0x80.. => message = vec![status],
+                value => message.push(value),
+            }
+            if let [status, note, velocity] = message[..] {
+                message.truncate(1);
+                if client.write_all(&[status, note + semitones, velocity]).is_err() {
+                    return;
+                }
+            }
+        }
+    };
+    std::thread::spawn(move || {
+        for client in listener.incoming() {
+            let relay = relay.clone();
+            std::thread::spawn(move || relay(client.unwrap()));
+        }
+    });
+}
+
+/// Beyond its highest key the driver knows it; within its keys the music shows it.
+#[test]
+fn a_shifted_keyboard_is_named() {
+    let sandbox = Sandbox::new();
+    let twin = Served::start(&sandbox);
+    let text = std::fs::read_to_string(&twin.rig).unwrap();
+    let source = text.split("midi = \"midi:").nth(1).unwrap().split('"').next().unwrap().to_string();
+    for (semitones, said) in [(24, "shifted up by at least"), (12, "its notes are 12 semitones too high")] {
+        let name = format!("{semitones}");
+        let socket = sandbox.path(format!("{name}.sock"));
+        shift_keyboard(PathBuf::from(&source), &socket, semitones);
+        let rig = text.replace(&format!("midi:{source}"), &format!("midi:{}", socket.display()));
+        std::fs::write(sandbox.path(format!("{name}.toml")), rig).unwrap();
+        let lead = "--set task.plan.latency_compensation_secs=0.1";
+        let play = format!("perform twinkle --robot {name}.toml --home --mode hybrid {lead} -o {name}");
+        let output = sandbox.command(&play).output().unwrap();
+        let printed = errors(&output);
+        assert!(output.status.success() && printed.contains(said), "{semitones}: {printed}");
+        assert!(printed.contains("press its octave - button"), "{semitones}: {printed}");
+        let recording = Recording::read(&sandbox.path(format!("{name}/1/run-1.mcap"))).unwrap();
+        let is_noted = recording.notes.iter().any(|(_, note)| note.kind == "warning");
+        assert!(is_noted || semitones == 12, "{:?}", recording.notes);
+    }
 }

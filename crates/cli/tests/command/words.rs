@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use crate::lexer::{Kind, kinds};
 use crate::{Sandbox, root};
 
-/// Phrases that are not used, and what to say instead. Words are compared without case; `*` at the end of
-/// one stands for any letters, `#` for a number. A phrase may run over a line's end, and `_` and `-`
-/// separate words too.
+/// Phrases that are not used, and what to say instead. Words are compared without case; `*` at the
+/// end of one stands for any letters, `#` for a number. A phrase may run over a line's end, and `_`
+/// and `-` separate words too.
 const WORDS: &[(&str, &str)] = &[
     ("scripted player*", "scripted baseline"),
     ("truth", "twin parameters, parameter set"),

@@ -37,8 +37,8 @@ settings! {
         pub delay_secs: f64 = 0.02;
         /// How fast the joints close in on a servo target, Hz.
         pub bandwidth_hz: f64 = 8.0;
-        /// With it the joints follow servo targets as a mass on a spring, whose own frequency is the
-        /// bandwidth, with this damping ratio: below 1 they overshoot. Without it the speed is
+        /// With it the joints follow servo targets as a mass on a spring, whose own frequency is
+        /// the bandwidth, with this damping ratio: below 1 they overshoot. Without it the speed is
         /// proportional to the distance.
         pub damping_ratio: Option<f64> = None;
     }

@@ -20,8 +20,8 @@ pub(super) const DH_MM_RAD: [[f32; 4]; ARM_JOINTS] = [
     [0.0, 97.0, 0.0, 0.0],
 ];
 settings! {
-    /// What clients set, and what the slow reports tell of it. By default the motors are off, with the
-    /// limits of the xArm user manual.
+    /// What clients set, and what the slow reports tell of it. By default the motors are off, with
+    /// the limits of the xArm user manual.
     #[derive(Clone, Copy, Debug)]
     pub(super) struct Settings {
         /// Bit i: joint i + 1 is enabled, and its brake released.
@@ -35,16 +35,16 @@ settings! {
         pub payload_kg_mm: [f32; 4] = [0.0; 4];
         /// How easily a collision is seen, 0 (off) to 5.
         pub collision_sensitivity: u8 = 3;
-        /// Limits of the tool's moves (mm, s) and of the joints' (rad, s): jerk, smallest and largest
-        /// acceleration, smallest and largest speed.
+        /// Limits of the tool's moves (mm, s) and of the joints' (rad, s): jerk, smallest and
+        /// largest acceleration, smallest and largest speed.
         pub tcp_limits_mm: [f32; 5] = [7000.0, 0.0, 50_000.0, 0.0, 1000.0];
         pub joint_limits_rad: [f32; 5] = [11_459_f32.to_radians(), 0.0, 1145_f32.to_radians(), 0.0, PI];
     }
 }
 
 settings! {
-    /// What clients set with registers that our driver does not use; by default as delivered. The safe
-    /// level is a guess.
+    /// What clients set with registers that our driver does not use; by default as delivered. The
+    /// safe level is a guess.
     #[derive(Clone, Debug)]
     pub(super) struct Extra {
         /// How easily the arm follows the hand, 1 to 5.

@@ -241,6 +241,9 @@ impl RunningTrial<'_, '_> {
             if self.job.is_interrupted() {
                 bail!(STOPPED);
             }
+            if let Some(why) = &report.not_played {
+                bail!("{why}");
+            }
             for (run, played) in report.runs.iter().enumerate() {
                 let Scores { frame, note } = &played.scores;
                 let is_complete = played.steps[0] == played.steps[1];

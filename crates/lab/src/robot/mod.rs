@@ -200,42 +200,18 @@ fn play_runs(
         corrected: play.correction.as_ref().is_some_and(|correction| !correction.is_empty()),
         ..header(piece, pianist, &rig.label(), Some(rig.config()))
     };
-    let mut runs = Vec::new();
+    let (mut runs, mut not_played): (Vec<RobotRun>, _) = (Vec::new(), None);
     for index in 0..play.runs {
-        let files = folder.map(|folder| {
-            let file = |kind: &str| folder.join(run_file(index, kind));
-            let [recording, midi, wav, frames] = RUN_FILES.map(file);
-            let reference = folder.join(REFERENCE);
-            Files { midi, wav, reference, frames, recording, report: None }
-        });
-        let mut writer =
-            files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
-        let mut session = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
-        let played = one_run(&mut session, play, piece, &start, writer.as_mut(), planner, job.interrupt());
-        let performance = match played {
-            // What was played is kept even if the robot does not confirm that it was released.
-            Ok(performance) => Ok(Some(after_release(performance, session.let_go()))),
-            Err(error) if Interrupted::is_cause_of(&error) => released(&mut session, Ok(None)),
-            Err(error) => released(&mut session, Err(error)),
+        let run = match play_run(play, index, piece, &header, &start, folder, planner, job.interrupt()) {
+            Ok(Some(run)) => run,
+            Ok(None) => break,
+            Err(error) if runs.is_empty() => return Err(error),
+            // The report of the runs before it must not be lost.
+            Err(error) => {
+                not_played = (!Interrupted::is_cause_of(&error)).then(|| format!("{error:#}"));
+                break;
+            }
         };
-        let Session { robot, pace } = &mut session;
-        let recorded = writer.as_mut().map_or(Ok(()), |writer| record_release(robot, pace, writer));
-        let Some(performance) = performance? else {
-            drop(writer);
-            // It holds no music. If it cannot be removed, it does no harm.
-            let _ = files.map(|files| std::fs::remove_file(files.recording));
-            break;
-        };
-        recorded?;
-        // The robot is stopped: its guard is not needed while the files are written.
-        drop(session);
-        if let Some(writer) = writer {
-            writer.finish()?;
-        }
-        if let Some(files) = &files {
-            write_performance(files, &performance, font)?;
-        }
-        let run = RobotRun::new(performance, files);
         job.report(&RobotStep::RunEnded { index, run: Box::new(run.clone()) });
         runs.push(run);
         if runs.last().is_some_and(|run| run.ending != Ending::Complete) {
@@ -271,8 +247,58 @@ fn play_runs(
             lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
         },
         only_measuring: false,
+        not_played,
         runs,
     })
+}
+
+/// Plays run `index` and writes its files; none if it was interrupted before it began.
+#[expect(clippy::too_many_arguments, reason = "the state of a performance, and one run of it")]
+fn play_run(
+    play: &RobotPlay<'_>,
+    index: usize,
+    piece: &Piece,
+    header: &Header,
+    start: &[f64; DRIVEN_JOINTS],
+    folder: Option<&Path>,
+    planner: &mut SongPlanner<'_>,
+    interrupt: &AtomicBool,
+) -> anyhow::Result<Option<RobotRun>> {
+    let RobotPlay { pianist, rig, font, .. } = *play;
+    let files = folder.map(|folder| {
+        let file = |kind: &str| folder.join(run_file(index, kind));
+        let [recording, midi, wav, frames] = RUN_FILES.map(file);
+        let reference = folder.join(REFERENCE);
+        Files { midi, wav, reference, frames, recording, report: None }
+    });
+    let mut writer =
+        files.as_ref().map(|files| RecordingWriter::create(&files.recording, header)).transpose()?;
+    let mut session = rig.open(pianist.config.task.stage.side, play.seed.wrapping_add(index as u64))?;
+    let played = one_run(&mut session, play, piece, start, writer.as_mut(), planner, interrupt);
+    let performance = match played {
+        // What was played is kept even if the robot does not confirm that it was released.
+        Ok(performance) => Ok(Some(after_release(performance, session.let_go()))),
+        Err(error) if Interrupted::is_cause_of(&error) => released(&mut session, Ok(None)),
+        Err(error) => released(&mut session, Err(error)),
+    };
+    let Session { robot, pace } = &mut session;
+    let recorded = writer.as_mut().map_or(Ok(()), |writer| record_release(robot, pace, writer));
+    let Some(performance) = performance? else {
+        drop(writer);
+        // It holds no music. If it cannot be removed, it does no harm.
+        let _ = files.map(|files| std::fs::remove_file(files.recording));
+        return Ok(None);
+    };
+    recorded?;
+    // The robot is stopped: its guard is not needed while the files are written.
+    drop(session);
+    if let Some(writer) = writer {
+        writer.finish()?;
+    }
+    if let Some(files) = &files {
+        write_performance(files, &performance, font)?;
+    }
+    Ok(Some(RobotRun::new(performance, files)))
 }
 
 /// The performance with what the release of the robot has added to its ending.

@@ -1,7 +1,7 @@
 //! The report of performances on a robot.
 
-use etude_music::MAX_LATENCY_COMPENSATION_SECS;
-use etude_music::metrics::NoteScores;
+use etude_music::metrics::{NoteScores, note_scores};
+use etude_music::{MAX_LATENCY_COMPENSATION_SECS, Note};
 use etude_perform::stats::mean;
 use etude_perform::{Ending, Mode, Performance, PlayedNotes, Scores, TimingReport, Tracking};
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,9 @@ pub struct RobotReport {
     /// run that counts was played.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub only_measuring: bool,
+    /// Why the run after the last one could not be played.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_played: Option<String>,
     /// The runs.
     pub runs: Vec<RobotRun>,
 }
@@ -134,6 +137,9 @@ pub(crate) fn all_complete(
         return Err(Interrupted::resumable().into());
     }
     let report = played?;
+    if let Some(why) = &report.not_played {
+        anyhow::bail!("{part}: {why}");
+    }
     match report.runs.iter().find(|run| run.ending != Ending::Complete) {
         Some(run) => Err(safety_stop(part, &run.ending.to_string())),
         None => Ok(report),
@@ -157,6 +163,9 @@ pub struct RobotRun {
     pub clamped: u64,
     /// Records that are missing in the recording.
     pub lost_records: u64,
+    /// What the operator should know of the keyboard, and what to do.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Deadlines and periods.
     pub timing: TimingReport,
     /// How the joints were asked to move and how they moved; empty without a correction, even an
@@ -179,13 +188,16 @@ impl RobotRun {
         let scores = performance.scores();
         let strokes = performance.played_notes();
         let (alongside_f1, steps) = (performance.simulated_f1(), performance.piece.steps());
+        let shifted = shifted(&performance, scores.note.matched);
         let robot = performance.robot.unwrap_or_default();
+        let warnings = robot.warnings.into_iter().chain(shifted).collect();
         Self {
             scores,
             alongside_f1,
             steps: [performance.pressed.len(), steps],
             clamped: robot.clamped,
             lost_records: robot.lost_records,
+            warnings,
             timing: robot.timing.report(),
             tracking: robot.tracking,
             strokes,
@@ -193,4 +205,31 @@ impl RobotRun {
             files,
         }
     }
+}
+
+/// A shifted keyboard whose notes all lie on its keys shows in the music alone: hardly a note is
+/// right, and most are if all are taken that much lower.
+fn shifted(performance: &Performance, right: usize) -> Option<String> {
+    const SHIFTS: [i32; 8] = [12, -12, 24, -24, 1, -1, 2, -2];
+    let (due, played) = (performance.piece.notes(), performance.notes());
+    let lower = |note: &Note, semitones: i32| {
+        let pitch = u8::try_from(i32::from(note.pitch) - semitones).ok()?;
+        Some(Note { pitch, ..*note })
+    };
+    let right_if = |semitones: &i32| {
+        let played: Vec<Note> = played.iter().filter_map(|note| lower(note, *semitones)).collect();
+        note_scores(due, &played).matched
+    };
+    let semitones =
+        SHIFTS.into_iter().find(|shift| 2 * right_if(shift) > due.len().max(3) && 4 * right < due.len())?;
+    let (too, button) = if semitones > 0 { ("high", '-') } else { ("low", '+') };
+    let remedy = match semitones.abs() {
+        12 => format!("press its octave {button} button once"),
+        24 => format!("press its octave {button} button twice"),
+        _ => "set its transpose button back to 0".to_string(),
+    };
+    Some(format!(
+        "the keyboard is shifted: its notes are {} semitones too {too}: {remedy}, then play again",
+        semitones.abs()
+    ))
 }

@@ -28,8 +28,8 @@ impl Bf16Products {
         available().then(|| Self { left: room(), right: room(), unturned: room() })
     }
 
-    /// `out = a b`. Shapes that the kernel does not take (not both operands transposed, sizes that are
-    /// multiples of 32) are multiplied in `f32`.
+    /// `out = a b`. Shapes that the kernel does not take (not both operands transposed, sizes that
+    /// are multiples of 32) are multiplied in `f32`.
     pub(crate) fn product(&mut self, out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
         #[cfg(target_arch = "x86_64")]
         if [a.shape().0, a.shape().1, b.shape().1].iter().all(|size| size.is_multiple_of(32))

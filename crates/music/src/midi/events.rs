@@ -48,7 +48,8 @@ const META: u8 = 0xFF;
 const TEMPO: u8 = 0x51;
 const TIME_SIGNATURE: u8 = 0x58;
 const END_OF_TRACK: u8 = 0x2F;
-/// Controllers that end all notes: "all sound off", and from "all notes off" to the changes of mode.
+/// Controllers that end all notes: "all sound off", and from "all notes off" to the changes of
+/// mode.
 const ALL_SOUND_OFF: u8 = 120;
 const ALL_NOTES_OFF: u8 = 123;
 const MAX_DATA: u8 = 0x7F;

@@ -146,8 +146,8 @@ impl Hand {
     }
 
     /// Sends torques: the `wanted` PWM of each flat joint, limited before the wire by [`clamp_pwm`]
-    /// to what is configured and to [`PWM_LIMITS`]; a number that is not finite becomes 0. Returns what was sent. Unless the
-    /// hand is [`HandState::Ready`], sends nothing and returns zeros.
+    /// to what is configured and to [`PWM_LIMITS`]; a number that is not finite becomes 0. Returns
+    /// what was sent. Unless the hand is [`HandState::Ready`], sends nothing and returns zeros.
     pub fn send_pwm(
         &mut self,
         now: Duration,

@@ -104,6 +104,18 @@ pub enum KeyboardWarning {
     },
 }
 
+impl KeyboardWarning {
+    /// Whether another warning says no more than this one but a count.
+    pub fn is_about_the_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Damaged { .. }, Self::Damaged { .. }) | (Self::Unpaired { .. }, Self::Unpaired { .. }) => {
+                true
+            }
+            _ => self == other,
+        }
+    }
+}
+
 impl fmt::Display for KeyboardWarning {
     /// What was noticed, and what to do.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

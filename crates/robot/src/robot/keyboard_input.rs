@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::fault::Fault;
 use super::record::{Journal, Record};
-use crate::keyboard::{KeyChange, Keyboard, KeyboardState};
+use crate::keyboard::{KeyChange, Keyboard, KeyboardState, KeyboardWarning};
 use crate::rig_file::{RigConfig, RigError};
 use crate::wires::Wires;
 
@@ -13,12 +13,14 @@ pub(super) struct KeyboardInput {
     pub keyboard: Keyboard,
     is_connected: bool,
     changes: Vec<KeyChange>,
+    /// Warnings that are in the journal.
+    noted: Vec<KeyboardWarning>,
 }
 
 impl KeyboardInput {
     pub fn new(config: &RigConfig) -> Result<Self, RigError> {
         let keyboard = Keyboard::new(&config.keyboard)?;
-        Ok(Self { keyboard, is_connected: false, changes: Vec::new() })
+        Ok(Self { keyboard, is_connected: false, changes: Vec::new(), noted: Vec::new() })
     }
 
     /// Receives what has arrived, and records each key.
@@ -46,6 +48,13 @@ impl KeyboardInput {
         self.keyboard.poll(now, &mut self.changes);
         for change in &self.changes {
             journal.push(Record::Key(*change));
+        }
+        let noted = &mut self.noted;
+        let is_new = |new: &KeyboardWarning| !noted.iter().any(|old| old.is_about_the_same(new));
+        let new: Vec<KeyboardWarning> = self.keyboard.warnings().filter(is_new).collect();
+        for warning in new {
+            journal.push(Record::Note { at: now, kind: "warning", text: warning.to_string() });
+            self.noted.push(warning);
         }
     }
 

@@ -3,8 +3,9 @@
 //!
 //! [`Robot`] is polled with the time and its [`Wires`]; between polls the caller gives it a
 //! trajectory to [`follow`](Robot::follow). Set-points go through the limiter on a grid of
-//! [`SETPOINT_HZ`](crate::rig_file::SETPOINT_HZ); from there the rail becomes joint angles of the arm,
-//! and the fingers become torques at the hand's own clock. There is no other path to either device.
+//! [`SETPOINT_HZ`](crate::rig_file::SETPOINT_HZ); from there the rail becomes joint angles of the
+//! arm, and the fingers become torques at the hand's own clock. There is no other path to either
+//! device.
 //!
 //! ```text
 //! off ─start─► starting ─► holding ◄──────► following

@@ -104,7 +104,8 @@ impl<'a> Studio<'a> {
         write_png(path, self.size, &pixels)
     }
 
-    /// Writes the whole recording as a video with its sound. Reports the share that is done, 0 to 1.
+    /// Writes the whole recording as a video with its sound. Reports the share that is done, 0 to
+    /// 1.
     ///
     /// # Errors
     /// If there is no ffmpeg, or drawing, encoding or writing fails; [`Interrupted`] if the job is
