@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use etude_lab::{
     Chosen, Pianist, RunConfig, SIGHT_READER, SongPlanner, cannot_be_played, load_pianist, pianist_for,
-    player_slug, policies, policy_called,
+    player_slug, policies, policy_called, readable,
 };
 use etude_music::{Song, repertoire};
 use etude_perform::shell_word;
@@ -90,8 +90,7 @@ impl PianistArgs {
         parts.extend(self.policy.as_deref().map(player_slug));
         for change in &self.overrides {
             let (path, value) = change.split_once('=').unwrap_or((change, ""));
-            let option = path.rsplit('.').next().unwrap_or(path).replace('_', "-");
-            parts.push(etude_lab::slug(&format!("{option}-{value}")));
+            parts.push(readable(&format!("{} {value}", path.rsplit('.').next().unwrap_or(path))));
         }
         parts.join("-")
     }

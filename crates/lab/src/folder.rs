@@ -31,14 +31,19 @@ pub(crate) fn policy_in(folder: &Path) -> Option<PathBuf> {
 const MAX_SLUG_CHARS: usize = 60;
 
 /// `text` as part of a file's name: letters and digits in lower case, `.` and `_`, and one `-` for
-/// all that is between them. A text that is changed by this gets a mark of its own at the end, so
-/// that different texts have different names.
-pub fn slug(text: &str) -> String {
+/// all that is between them.
+pub fn readable(text: &str) -> String {
     // Two of them are between the parts of a run's name.
     let lower = text.to_lowercase().replace("__", " ");
     let words = lower.split(|c: char| !c.is_alphanumeric() && !"._".contains(c));
     let words: Vec<&str> = words.map(|word| word.trim_matches('.')).filter(|word| !word.is_empty()).collect();
-    let mut name: String = words.join("-").chars().take(MAX_SLUG_CHARS).collect();
+    words.join("-").chars().take(MAX_SLUG_CHARS).collect()
+}
+
+/// The same of a name that a user has chosen. A text that is changed by this gets a mark of its own
+/// at the end, so that different texts have different names.
+pub fn slug(text: &str) -> String {
+    let mut name = readable(text);
     if name != text {
         let between = if name.is_empty() { "" } else { "-" };
         name = format!("{name}{between}{:06x}", crc32c::crc32c(text.as_bytes()) & 0xFF_FFFF);

@@ -37,7 +37,7 @@ pub use correction::CorrectionFile;
 pub use doctor::{Finding, examine};
 pub use errors::{Interrupted, released};
 pub use excitations::record_excitations;
-pub use folder::{CONFIG, META, SONG, make_folder, player_slug, slug};
+pub use folder::{CONFIG, META, SONG, make_folder, player_slug, readable, slug};
 pub use grid::{GridConfig, GridReport, GridScores, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
 pub use pianist::{Pianist, load_pianist};

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use etude_lab::{Interrupted, make_folder, slug};
+use etude_lab::{Interrupted, make_folder, readable};
 use etude_music::metrics::NoteScores;
 use etude_music::sound;
 use etude_perform::{Job, NoteCounts, write_file};
@@ -159,7 +159,7 @@ fn best_moment(take: &Take) -> f64 {
 
 /// Name of an exhibit's files: in order, and readable.
 fn stem(number: usize, take: &Take) -> String {
-    let name = slug(&format!("{} {} {}", take.song, take.rig, take.mode));
+    let name = readable(&format!("{} {} {}", take.song, take.rig, take.mode));
     format!("{:03}-{}", number + 1, name.chars().take(80).collect::<String>())
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueHint;
 use etude_lab::{
     CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotRun, RobotStep, find_song, play_on_robot,
-    set_latency_compensation,
+    readable, set_latency_compensation, slug,
 };
 use etude_music::KeyScheduleRule;
 use etude_music::sound::SoundFont;
@@ -167,14 +167,16 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 /// default player and robot. So no performance replaces one on another robot.
 fn folder_name(args: &Args, mode: Mode, rig: &RigChoice) -> String {
     let robot = match rig {
-        RigChoice::File { .. } => rig.name().to_string(),
+        RigChoice::File { .. } => slug(rig.name()),
         RigChoice::Twin(_) if args.twin_params == DEFAULT_TWIN_PARAMS => String::new(),
+        RigChoice::Twin(_) if args.twin_params.starts_with("random:") => readable(&args.twin_params),
         RigChoice::Twin(_) => {
-            Path::new(&args.twin_params).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+            slug(&Path::new(&args.twin_params).file_stem().unwrap_or_default().to_string_lossy())
         }
     };
     let corrected = args.correction.iter().map(|_| "corrected".to_string());
-    let others = [robot].into_iter().chain(corrected).chain(args.faults.iter().map(ToString::to_string));
+    let faults = args.faults.iter().map(|fault| readable(&fault.to_string()));
+    let others = [robot].into_iter().chain(corrected).chain(faults);
     performance_name(&args.pianist, &args.song, mode, others.filter(|part| !part.is_empty()))
 }
 
@@ -186,7 +188,6 @@ pub(super) fn performance_name(
     others: impl IntoIterator<Item = String>,
 ) -> String {
     let parts = [pianist.folder_name(song), mode.to_string()];
-    let others = others.into_iter().map(|part| etude_lab::slug(&part));
     parts.into_iter().chain(others).collect::<Vec<_>>().join("-")
 }
 

@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 use anyhow::Context as _;
-use etude_lab::{SIGHT_READER, slug};
+use etude_lab::{SIGHT_READER, readable};
 use etude_music::metrics::{FrameScores, FrameTally, NoteScores, frame_scores, note_scores};
 use etude_music::sound::{self, SoundError};
 use etude_music::{
@@ -317,7 +317,7 @@ fn player_label(player: &str, song: &str) -> String {
 
 /// Whether the shipped policy of this name has learned the song of this title.
 fn is_of(id: &str, song: &str) -> bool {
-    repertoire::get(id).map_or_else(|| slug(song) == id, |learned| learned.title() == song)
+    repertoire::get(id).map_or_else(|| readable(song) == id, |learned| learned.title() == song)
 }
 
 #[cfg(test)]

@@ -110,7 +110,7 @@ impl ApiRequest {
                 make_folder(COMPARED)?;
                 let name = |path: &str| {
                     let path = Path::new(path).with_extension("");
-                    etude_lab::slug(&path.strip_prefix("out").unwrap_or(&path).to_string_lossy())
+                    etude_lab::readable(&path.strip_prefix("out").unwrap_or(&path).to_string_lossy())
                 };
                 let stem = format!("{COMPARED}/{}_{}", name(&one), name(&other));
                 let [page, comparison] = ["html", "json"].map(|extension| format!("{stem}.{extension}"));
