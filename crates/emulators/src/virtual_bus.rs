@@ -72,8 +72,8 @@ impl VirtualBus {
         self.clients.retain_mut(|client| client.outbox.flush(&mut client.stream).is_ok());
     }
 
-    /// Puts the bus into bus-off, or ends it. Every client is told; during bus-off no frame is
-    /// passed on.
+    /// Puts the bus into bus-off, or ends it. Every client receives that; during bus-off no frame
+    /// is passed on.
     pub fn set_off(&mut self, off: bool) {
         if self.off != off {
             self.off = off;

@@ -117,7 +117,7 @@ fn mistakes_are_told_before_anything_moves() {
     std::fs::write(sandbox.path("fenced.toml"), fenced).unwrap();
     for (args, said) in [
         ("perform short.mid --scripted --robot nowhere.toml", "nowhere.toml"),
-        ("perform short.mid --scripted --robot bad.toml", "velocity limit -1"),
+        ("perform short.mid --scripted --robot bad.toml", "limits.rail_velocity is -1"),
         ("perform short.mid --scripted --robot lab.toml", "etude robot calibrate"),
         ("perform short.mid --scripted --robot old.toml", "days old"),
         ("perform short.mid --scripted --mode blind", "joint-mirroring, hybrid, real"),

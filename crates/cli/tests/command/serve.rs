@@ -222,7 +222,7 @@ fn a_training_is_stopped_and_resumed() {
     assert!(about["policy"].as_str().unwrap().ends_with("/sight-reader.safetensors"), "{about}");
     let play =
         json!({ "verb": "play", "song": "songs/short.mid", "player": { "run": "runs/short__fast__0" } });
-    assert_eq!(server.does(&play)["output"], "out/short-short-fast-0");
+    assert_eq!(server.does(&play)["output"], "out/short-short__fast__0");
 }
 
 #[test]

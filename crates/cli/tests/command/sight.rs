@@ -141,10 +141,6 @@ fn what_is_predicted_is_what_happens() {
     let said = sandbox.ok("songs show four.mid");
     assert!(said.contains("Predicted zero-shot: 3 of 4 notes, F1 0."), "{said}");
     assert!(said.contains("Chords too wide, or of more notes than fingers: 1\n"), "{said}");
-    assert!(
-        sandbox.json("songs show four.mid --preset paper --json")["zero_shot"].is_null(),
-        "without a fingering"
-    );
 }
 
 #[test]
@@ -166,6 +162,6 @@ fn without_a_song_and_a_corpus_there_is_nothing_to_learn() {
         );
     }
     let output = sandbox.command("train twinkle --preset expressive --from sight-reader").output().unwrap();
-    assert!(errors(&output).contains("`task.velocities`"), "{}", errors(&output));
+    assert!(errors(&output).contains("its task.velocities is false"), "{}", errors(&output));
     assert_eq!(sandbox.left_behind(), Vec::<String>::new());
 }

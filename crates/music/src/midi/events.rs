@@ -1,7 +1,7 @@
 //! The events of a track, one after the other.
 //!
 //! As in other players, what says nothing of notes is skipped however odd its values are, and a
-//! running status goes on after a meta event or a system exclusive one. (`midly` refuses both.)
+//! running status continues after a meta event or a system exclusive one. (`midly` refuses both.)
 
 /// What an event means to a song.
 #[derive(Copy, Clone, Debug, PartialEq)]
