@@ -40,7 +40,7 @@ impl TargetRange {
     }
 
     /// Lowest and highest target of `joint`, rad or m; with a fingering, relative to what it plans.
-    pub fn relative(&self, joint: usize) -> [f64; 2] {
+    pub fn span(&self, joint: usize) -> [f64; 2] {
         self.ranges[joint]
     }
 

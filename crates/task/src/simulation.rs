@@ -85,7 +85,7 @@ impl Simulation {
         let context = StepContext {
             world: &self.world,
             due: piece.due(step),
-            held: piece.held(step),
+            to_hold: piece.held(step),
             pressed_before,
             outcome,
             targets: &command.targets,

@@ -60,7 +60,7 @@ impl RunConfig {
     /// With the weight of every reward term, so that the file has the same meaning over any preset.
     pub fn complete(mut self) -> Self {
         for term in etude_task::reward::TERMS {
-            self.task.reward.entry(term.name.to_string()).or_insert(term.main);
+            self.task.reward.entry(term.name.to_string()).or_insert(term.default_weight);
         }
         self
     }

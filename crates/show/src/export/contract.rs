@@ -22,7 +22,7 @@ pub(super) fn contract(pianist: &Pianist, song: &Song) -> Result<Value, TaskErro
     let unit = |joint: usize| if joint == RAIL { "m" } else { "rad" };
     let joints: Vec<_> = (0..DRIVEN_JOINTS)
         .map(|joint| {
-            let [low, high] = range.relative(joint);
+            let [low, high] = range.span(joint);
             let [lowest, highest] = joint_range(joint);
             json!({"name": JOINT_NAMES[joint], "low": low, "high": high, "lowest": lowest, "highest": highest, "unit": unit(joint)})
         })

@@ -342,13 +342,13 @@ impl<'a> FingeringPlanner<'a> {
         for (index, stroke) in self.strokes.iter().enumerate() {
             let note = played.iter().find(|note| note.stroke == index);
             let onset = self.onsets.iter().find(|onset| onset.start == stroke.start);
-            let kind = match note {
+            let reason = match note {
                 Some(note) => note.cut,
                 None => onset.map(|onset| self.why_skipped(stroke, onset, played)),
             };
-            if let Some(kind) = kind {
+            if let Some(reason) = reason {
                 let lost_steps = stroke.end - note.map_or(stroke.start, |note| note.end);
-                unplayed.notes.push(UnplayedNote { kind, key: stroke.key, step: stroke.start, lost_steps });
+                unplayed.notes.push(UnplayedNote { reason, key: stroke.key, step: stroke.start, lost_steps });
             }
         }
         let is_quick_restrike = |note: &&PlayedNote| {

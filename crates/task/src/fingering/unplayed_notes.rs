@@ -35,7 +35,7 @@ impl Reason {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnplayedNote {
     /// Why.
-    pub kind: Reason,
+    pub reason: Reason,
     /// The key (0 is the lowest C).
     pub key: usize,
     /// Control step at which the note should begin.
@@ -62,7 +62,7 @@ pub struct UnplayedNotes {
 impl UnplayedNotes {
     /// Notes that are not played at all.
     pub fn omitted(&self) -> impl Iterator<Item = &UnplayedNote> {
-        self.notes.iter().filter(|note| note.kind.omits())
+        self.notes.iter().filter(|note| note.reason.omits())
     }
 
     /// How many notes are omitted, and why, in words; none if all are played.
@@ -71,11 +71,11 @@ impl UnplayedNotes {
         let reasons = [
             (count(UnplayedNote::is_leap), "because the hand cannot be there in time"),
             (
-                count(|note| note.kind == Reason::TooManyKeys),
+                count(|note| note.reason == Reason::TooManyKeys),
                 "because more keys sound at once than there are fingers",
             ),
             (
-                count(|note| note.kind == Reason::OutOfReach),
+                count(|note| note.reason == Reason::OutOfReach),
                 "because the fingers do not reach them with the keys around them",
             ),
         ];
@@ -109,19 +109,19 @@ impl UnplayedNote {
 
     /// Whether the hand has too far to go for the time.
     pub fn is_leap(&self) -> bool {
-        matches!(self.kind, Reason::TooFar(..) | Reason::RailTooSlow(_))
+        matches!(self.reason, Reason::TooFar(..) | Reason::RailTooSlow(_))
     }
 
     /// Whether the note is omitted because the fingers are too few for its chord, or do not reach
     /// it.
     pub fn is_chord(&self) -> bool {
-        matches!(self.kind, Reason::TooManyKeys | Reason::OutOfReach)
+        matches!(self.reason, Reason::TooManyKeys | Reason::OutOfReach)
     }
 
     /// What happens to the note, and why.
     pub fn what(&self) -> String {
         let early = self.lost_steps as f64 * CONTROL_SECS;
-        match self.kind {
+        match self.reason {
             Reason::TooManyKeys => "is omitted: more keys than fingers".to_string(),
             Reason::OutOfReach => "is omitted: out of reach with the keys around it".to_string(),
             Reason::TooFar(key, metres) => {
@@ -145,12 +145,12 @@ impl fmt::Display for UnplayedNote {
 
 impl fmt::Display for UnplayedNotes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let count = |what: fn(Reason) -> bool| self.notes.iter().filter(|n| what(n.kind)).count();
+        let count = |what: fn(Reason) -> bool| self.notes.iter().filter(|n| what(n.reason)).count();
         let parts = [
             (count(Reason::omits), "omitted"),
-            (count(|kind| matches!(kind, Reason::RailTooSlow(_))), "shortened for the rail"),
-            (count(|kind| kind == Reason::FingerBusy), "shortened for the finger"),
-            (count(|kind| kind == Reason::HandNeeded), "shortened for a later note"),
+            (count(|reason| matches!(reason, Reason::RailTooSlow(_))), "shortened for the rail"),
+            (count(|reason| reason == Reason::FingerBusy), "shortened for the finger"),
+            (count(|reason| reason == Reason::HandNeeded), "shortened for a later note"),
             (self.merged_notes, "too soon after one of the same key"),
             (self.quick_restrikes, "struck again at once"),
         ];

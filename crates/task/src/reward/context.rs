@@ -13,7 +13,7 @@ pub struct StepContext<'a> {
     /// Keys that were due in the step.
     pub due: KeySet,
     /// Those of them to hold: a fingering shortens some notes, to be on time at the next ones.
-    pub held: KeySet,
+    pub to_hold: KeySet,
     /// Keys that sounded before the step.
     pub pressed_before: KeySet,
     /// Power and collisions of the step.

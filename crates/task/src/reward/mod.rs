@@ -30,13 +30,13 @@ pub struct Term {
     pub name: &'static str,
     /// Default weight: that of the paper's main text, 0 for a term that it does not have
     /// (`configs/presets` sets those).
-    pub main: f64,
+    pub default_weight: f64,
     /// Its value before weighting.
     pub value: fn(&StepContext) -> f64,
 }
 
-const fn term(name: &'static str, main: f64, value: fn(&StepContext) -> f64) -> Term {
-    Term { name, main, value }
+const fn term(name: &'static str, default_weight: f64, value: fn(&StepContext) -> f64) -> Term {
+    Term { name, default_weight, value }
 }
 
 /// All terms: name, default weight, function.
@@ -93,7 +93,7 @@ impl Reward {
                 )));
             }
         }
-        let weight = |term: &Term| overrides.get(term.name).copied().unwrap_or(term.main);
+        let weight = |term: &Term| overrides.get(term.name).copied().unwrap_or(term.default_weight);
         let terms = TERMS.iter().map(|term| (term, weight(term))).filter(|(_, w)| *w != 0.0).collect();
         Ok(Self { terms })
     }
@@ -132,7 +132,7 @@ mod tests {
             let context = StepContext {
                 world: &world,
                 due,
-                held: due,
+                to_hold: due,
                 pressed_before: KeySet::EMPTY,
                 outcome: StepOutcome::default(),
                 targets: &[0.0; DRIVEN_JOINTS],
@@ -153,7 +153,7 @@ mod tests {
         let context = StepContext {
             world: &world,
             due: KeySet::EMPTY,
-            held: KeySet::EMPTY,
+            to_hold: KeySet::EMPTY,
             pressed_before: KeySet::EMPTY,
             outcome: StepOutcome::default(),
             targets: &[0.0; DRIVEN_JOINTS],

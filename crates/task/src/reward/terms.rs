@@ -29,8 +29,8 @@ pub(super) fn action_change(context: &StepContext) -> f64 {
 /// lifting one of two wrong keys nor lifting a key half; this does.
 pub(super) fn wrong_travel(context: &StepContext) -> f64 {
     let travel = |key| {
-        let lifted = context.pressed_before.contains(key);
-        if lifted { context.world.key_travel(key) } else { context.world.deepest_travel(key) }
+        let was_down = context.pressed_before.contains(key);
+        if was_down { context.world.key_travel(key) } else { context.world.deepest_travel(key) }
     };
     let wrong = (0..KEY_COUNT).filter(|key| !context.due.contains(*key));
     -wrong.map(|key| travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
@@ -39,10 +39,10 @@ pub(super) fn wrong_travel(context: &StepContext) -> f64 {
 /// Half for how far the keys to hold are down, half if no key sounds that is not due (RoboPianist,
 /// where all due keys are to hold).
 pub(super) fn key_press(context: &StepContext) -> f64 {
-    let held = context.held;
+    let to_hold = context.to_hold;
     let closeness: f64 =
-        held.iter().map(|key| tolerance((1.0 - context.world.key_travel(key)).max(0.0), 0.05, 0.5)).sum();
-    let right = if held.is_empty() { 0.0 } else { closeness / held.len() as f64 };
+        to_hold.iter().map(|key| tolerance((1.0 - context.world.key_travel(key)).max(0.0), 0.05, 0.5)).sum();
+    let right = if to_hold.is_empty() { 0.0 } else { closeness / to_hold.len() as f64 };
     let clean = context.world.pressed().difference(context.due).is_empty();
     0.5 * right + if clean { 0.5 } else { 0.0 }
 }

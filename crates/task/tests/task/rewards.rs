@@ -36,7 +36,7 @@ fn context<'a>(world: &'a World, due: &[usize]) -> StepContext<'a> {
     StepContext {
         world,
         due: keys(due),
-        held: keys(due),
+        to_hold: keys(due),
         pressed_before: world.pressed(),
         outcome,
         targets: &[0.0; DRIVEN_JOINTS],
@@ -256,7 +256,7 @@ fn a_key_that_the_fingering_leaves_early_neither_earns_nor_costs() {
     let up = 0.1f64.powf(1.9 * 1.9);
     for (down, expected) in [(&[24][..], 1.0), (&[24, 28], 1.0), (&[28], 0.5 * up + 0.5), (&[24, 29], 0.5)] {
         world.pose(&pose, keys(down));
-        let context = StepContext { held: keys(&[24]), ..context(&world, &[24, 28]) };
+        let context = StepContext { to_hold: keys(&[24]), ..context(&world, &[24, 28]) };
         assert_near(term("key_press", &context), expected, &format!("down {down:?}"));
     }
 }
