@@ -54,7 +54,7 @@ fn what_cannot_be_reached_is_reported() {
         (&[60, 64, 67], Reason::OutOfReach, 0),
     ] {
         let player = ScriptedBaseline::new(&TaskConfig::default(), &chords(&[chord])).unwrap();
-        let found: Vec<_> = player.unplayed().omitted().map(|limit| limit.kind).collect();
+        let found: Vec<_> = player.unplayed().omitted().map(|limit| limit.reason).collect();
         assert!(found.len() >= skipped && found.len() < chord.len(), "{chord:?}: {}", player.unplayed());
         assert!(found.iter().all(|found| *found == kind), "{chord:?}: {}", player.unplayed());
     }
@@ -64,7 +64,7 @@ fn what_cannot_be_reached_is_reported() {
 fn a_jump_across_the_keyboard_is_reported() {
     let player = ScriptedBaseline::new(&TaskConfig::default(), &chords(&[&[36], &[84]])).unwrap();
     let [limit] = player.unplayed().notes[..] else { panic!("{}", player.unplayed()) };
-    assert!(matches!(limit.kind, Reason::RailTooSlow(travel) if travel > 0.5), "{limit}");
+    assert!(matches!(limit.reason, Reason::RailTooSlow(travel) if travel > 0.5), "{limit}");
     assert_eq!(limit.key, 0);
     assert!(limit.to_string().contains("C2 at 1.00 s is 0.80 s shorter"), "{limit}");
 }
