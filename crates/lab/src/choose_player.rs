@@ -24,8 +24,8 @@ fn sight_reader() -> anyhow::Result<Option<Pianist>> {
 }
 
 /// The policy for the song `slug` with the highest mean of F1 and onset F1, of those that `fit` and
-/// were evaluated. One by an articulated plan comes before all others, because scores do not
-/// compare between plans. Of equally good policies, one of a run comes before the shipped one.
+/// were evaluated. One by the articulated rule comes before all others, because scores do not
+/// compare between rules. Of equally good policies, one of a run comes before the shipped one.
 ///
 /// # Errors
 /// If there are some, and none can be used.

@@ -104,7 +104,7 @@ pub struct Header {
     /// `config.toml`; without one for an excitation and at rest.
     pub run: Option<serde_json::Value>,
     /// Whether a correction that was learned on the robot was added to the set-points of the robot.
-    /// The targets are without it.
+    /// The targets of `/target` are without it, those of `/step` with it.
     pub corrected: bool,
     /// The rig's file, resolved; none in simulation.
     #[schemars(with = "Option<serde_json::Value>")]

@@ -15,8 +15,9 @@ pub(super) fn hand_position(context: &StepContext) -> f64 {
     tolerance((context.world.joints_true()[RAIL] - middle).abs(), 0.03, 0.3)
 }
 
-/// 0 if nothing sounds, from 0.5 if something wrong sounds, from 1 if all that sounds is due; more
-/// for deeper keys.
+/// If keys are due: 0 if no key sounds; 0.5 to 1 if a key sounds that is not due, 1 to 1.5 if only
+/// due keys sound, more for deeper due keys. If nothing is due: 1.5 if no key sounds, else the less
+/// the deeper the deepest key is.
 pub(super) fn graded_key_press(context: &StepContext) -> f64 {
     let (due, pressed) = (context.due, context.world.pressed());
     let travel = |key| context.world.key_travel(key).clamp(0.0, 1.0);
