@@ -201,6 +201,21 @@ mod tests {
     }
 
     #[test]
+    fn a_recording_whose_folder_was_removed_is_written_again() {
+        let there = tempfile::tempdir().unwrap();
+        let path = there.path().join("out/1/run-1.mcap");
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let mut writer = RecordingWriter::create(&path, &Header::default()).unwrap();
+        let step = StepMessage { positions: vec![0.1; 16], ..StepMessage::default() };
+        writer.write(0.05, &step).unwrap();
+        std::fs::remove_dir_all(there.path().join("out")).unwrap();
+        writer.write(0.1, &step).unwrap();
+        writer.finish().unwrap();
+        let recording = Recording::read(&path).unwrap();
+        assert!(recording.complete && recording.steps.len() == 2, "{}", recording.steps.len());
+    }
+
+    #[test]
     fn a_recording_that_was_cut_short_is_read_as_far_as_it_goes() {
         let (whole, bytes) = sample();
         let half = Recording::from_bytes(&bytes[..bytes.len() / 2]).unwrap();

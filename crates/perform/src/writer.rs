@@ -92,21 +92,16 @@ impl RecordingWriter {
         let pending = Pending::default();
         let (mut writer, channels) = begin(&pending).map_err(|error| fail(cause(&error)))?;
         let records = take_whole(&mut writer, &pending, 0).map_err(|error| fail(cause(&error)))?;
-        let file = begin_file(path, &records)?;
+        let mut file = begin_file(path, &records)?;
         let failed = Arc::new(OnceLock::new());
         let (lines, waiting) = sync_channel(MAX_QUEUED);
         let (failure, place) = (Arc::clone(&failed), path.to_path_buf());
         let thread = std::thread::Builder::new()
             .name("recording".to_string())
             .spawn(move || {
-                let mut file = file;
                 let written = write_lines(writer, &pending, &mut file, &waiting);
-                let kept = written
-                    .map_err(|error| cause(&error))
-                    .and_then(|()| restore(&place, &file.disk).map_err(|error| error.to_string()));
-                if let Err(message) = kept {
-                    // Only this thread sets it while it runs.
-                    let _ = failure.set(message);
+                if let Err(error) = written.and_then(|()| Ok(restore(&place, &file.disk)?)) {
+                    let _ = failure.set(cause(&error));
                 }
             })
             .map_err(|error| fail(error.to_string()))?;
@@ -285,21 +280,6 @@ mod tests {
     use super::*;
     use crate::terminated_file::PAGE;
     use crate::{Recording, StepMessage};
-
-    #[test]
-    fn a_recording_whose_folder_was_removed_is_written_again() {
-        let there = tempfile::tempdir().unwrap();
-        let path = there.path().join("out/1/run-1.mcap");
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        let mut writer = RecordingWriter::create(&path, &Header::default()).unwrap();
-        let step = StepMessage { positions: vec![0.1; 16], ..StepMessage::default() };
-        writer.write(0.05, &step).unwrap();
-        std::fs::remove_dir_all(there.path().join("out")).unwrap();
-        writer.write(0.1, &step).unwrap();
-        writer.finish().unwrap();
-        let recording = Recording::read(&path).unwrap();
-        assert!(recording.complete && recording.steps.len() == 2, "{}", recording.steps.len());
-    }
 
     /// Keeps what a kill could leave: the bytes after each page of each write.
     #[derive(Default)]

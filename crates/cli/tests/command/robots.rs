@@ -179,11 +179,13 @@ fn a_robot_at_rest_can_be_recorded() {
 fn a_run_that_is_complete_has_a_report_if_the_next_one_cannot_begin() {
     let sandbox = Sandbox::new();
     let twin = Served::start(&sandbox);
-    let rig = sandbox.path("rig.toml");
+    let rig = twin.rig.with_file_name("rig.toml");
     std::fs::copy(&twin.rig, &rig).unwrap();
     let lead = "--set task.plan.latency_compensation_secs=0.1";
-    let mut play = sandbox
-        .command(&format!("perform short.mid --scripted --robot rig.toml --home --runs 2 {lead} -o p"));
+    let mut play = sandbox.command(&format!(
+        "perform short.mid --scripted --robot {} --home --runs 2 {lead} -o p",
+        rig.display()
+    ));
     let play = play.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     wait_for("the first run never ended", || sandbox.path("p/1/run-1.csv").exists());
     let text = std::fs::read_to_string(&rig).unwrap();
@@ -250,9 +252,11 @@ fn a_shifted_keyboard_is_named() {
         let socket = sandbox.path(format!("{name}.sock"));
         shift_keyboard(PathBuf::from(&source), &socket, semitones);
         let rig = text.replace(&format!("midi:{source}"), &format!("midi:{}", socket.display()));
-        std::fs::write(sandbox.path(format!("{name}.toml")), rig).unwrap();
+        let shifted = twin.rig.with_file_name(format!("{name}.toml"));
+        std::fs::write(&shifted, rig).unwrap();
         let lead = "--set task.plan.latency_compensation_secs=0.1";
-        let play = format!("perform twinkle --robot {name}.toml --home --mode hybrid {lead} -o {name}");
+        let robot = format!("--robot {} --home --mode hybrid", shifted.display());
+        let play = format!("perform twinkle {robot} {lead} -o {name}");
         let output = sandbox.command(&play).output().unwrap();
         let printed = errors(&output);
         assert!(output.status.success() && printed.contains(said), "{semitones}: {printed}");
