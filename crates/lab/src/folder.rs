@@ -44,7 +44,7 @@ pub fn readable(text: &str) -> String {
 /// at the end, so that different texts have different names.
 pub fn slug(text: &str) -> String {
     let mut name = readable(text);
-    if name != text {
+    if name != text || name.is_empty() {
         let between = if name.is_empty() { "" } else { "-" };
         name = format!("{name}{between}{:06x}", crc32c::crc32c(text.as_bytes()) & 0xFF_FFFF);
     }

@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::limits::{PWM_LIMITS, WIRE_JOINTS};
 use super::messages::{DeviceId, HandSide};
 
+/// Largest age of a position that torque may be computed from, s.
+const MAX_STALE_SECS: f64 = 0.1;
+
 settings! {
     /// Settings of the hand.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,7 +27,7 @@ settings! {
         /// Oldest position of any finger that torque may still be computed from, s: at least three
         /// periods. After more than 0.1 s a held torque could have run a joint at 7 rad/s through
         /// half its range.
-        pub stale_after_secs: f64 = 0.015, ..=0.1;
+        pub stale_after_secs: f64 = 0.015, ..=MAX_STALE_SECS;
         /// Hottest board, °C. Parts of the commercial grade are specified up to 70 °C.
         pub max_board_celsius: u8 = 70, 30.0..=85.0;
         /// Hottest joint, °C. The sensor is not in the winding, which runs some 20 °C hotter and
@@ -44,7 +47,7 @@ impl HandConfig {
         }
         self.check_ranges()?;
         let three_periods = f64::from(3 * u32::from(self.period_ms)) / 1000.0;
-        check_range("hand.stale_after_secs", self.stale_after_secs, three_periods..)
+        check_range("hand.stale_after_secs", self.stale_after_secs, three_periods..=MAX_STALE_SECS)
     }
 }
 

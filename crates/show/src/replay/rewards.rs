@@ -93,7 +93,7 @@ fn measured(
         let context = StepContext {
             world,
             due,
-            held: due,
+            to_hold: due,
             pressed_before: KeySet::EMPTY,
             outcome: StepOutcome::default(),
             targets: joints,
