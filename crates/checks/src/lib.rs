@@ -20,7 +20,7 @@
 //! assert!(LampConfig::default().check_ranges().is_ok());
 //! let error = lamp.check_ranges().unwrap_err();
 //! assert_eq!(error.to_string(), "lamp.brightness is 1.5: it must be from 0 to 1");
-//! assert!(check_range("lamp.height_m", 2.1, 1.0..lamp.brightness + 1.0).is_err());
+//! assert!(check_range("lamp.height_m", 2.6, 1.0..lamp.brightness + 1.0).is_err());
 //! ```
 
 use std::fmt::{self, Display};

@@ -166,13 +166,13 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 /// Name of the folder of a performance, if none is given: song and mode, and what differs from the
 /// default player and robot. So no performance replaces one on another robot.
 fn folder_name(args: &Args, mode: Mode, rig: &RigChoice) -> String {
+    // The name of a parameter set, or its file.
+    let set = &args.twin_params;
     let robot = match rig {
         RigChoice::File { .. } => slug(rig.name()),
-        RigChoice::Twin(_) if args.twin_params == DEFAULT_TWIN_PARAMS => String::new(),
-        RigChoice::Twin(_) if args.twin_params.starts_with("random:") => readable(&args.twin_params),
-        RigChoice::Twin(_) => {
-            slug(&Path::new(&args.twin_params).file_stem().unwrap_or_default().to_string_lossy())
-        }
+        RigChoice::Twin(_) if set == DEFAULT_TWIN_PARAMS => String::new(),
+        RigChoice::Twin(_) if set.starts_with("random:") => readable(set),
+        RigChoice::Twin(_) => slug(&Path::new(set).file_stem().unwrap_or_default().to_string_lossy()),
     };
     let corrected = args.correction.iter().map(|_| "corrected".to_string());
     let faults = args.faults.iter().map(|fault| readable(&fault.to_string()));
