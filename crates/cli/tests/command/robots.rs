@@ -243,25 +243,24 @@ fn shift_keyboard(source: PathBuf, socket: &Path, semitones: u8) {
 /// Beyond its highest key the driver knows it; within its keys the music shows it.
 #[test]
 fn a_shifted_keyboard_is_named() {
-    let sandbox = Sandbox::new();
-    let twin = Served::start(&sandbox);
-    let text = std::fs::read_to_string(&twin.rig).unwrap();
-    let source = text.split("midi = \"midi:").nth(1).unwrap().split('"').next().unwrap().to_string();
     for (semitones, said) in [(24, "shifted up by at least"), (12, "its notes are 12 semitones too high")] {
-        let name = format!("{semitones}");
-        let socket = sandbox.path(format!("{name}.sock"));
+        let sandbox = Sandbox::new();
+        let twin = Served::start(&sandbox);
+        let text = std::fs::read_to_string(&twin.rig).unwrap();
+        let source = text.split("midi = \"midi:").nth(1).unwrap().split('"').next().unwrap().to_string();
+        let socket = sandbox.path("keyboard.sock");
         shift_keyboard(PathBuf::from(&source), &socket, semitones);
         let rig = text.replace(&format!("midi:{source}"), &format!("midi:{}", socket.display()));
-        let shifted = twin.rig.with_file_name(format!("{name}.toml"));
+        let shifted = twin.rig.with_file_name("shifted.toml");
         std::fs::write(&shifted, rig).unwrap();
         let lead = "--set task.plan.latency_compensation_secs=0.1";
         let robot = format!("--robot {} --home --mode hybrid", shifted.display());
-        let play = format!("perform twinkle {robot} {lead} -o {name}");
+        let play = format!("perform twinkle {robot} {lead} -o p");
         let output = sandbox.command(&play).output().unwrap();
         let printed = errors(&output);
         assert!(output.status.success() && printed.contains(said), "{semitones}: {printed}");
         assert!(printed.contains("press its octave - button"), "{semitones}: {printed}");
-        let recording = Recording::read(&sandbox.path(format!("{name}/1/run-1.mcap"))).unwrap();
+        let recording = Recording::read(&sandbox.path("p/1/run-1.mcap")).unwrap();
         let is_noted = recording.notes.iter().any(|(_, note)| note.kind == "warning");
         assert!(is_noted || semitones == 12, "{:?}", recording.notes);
     }
