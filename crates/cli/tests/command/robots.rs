@@ -187,7 +187,9 @@ fn a_run_that_is_complete_has_a_report_if_the_next_one_cannot_begin() {
         rig.display()
     ));
     let play = play.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    wait_for("the first run never ended", || sandbox.path("p/1/run-1.csv").exists());
+    // Its guard has started, and has read the file.
+    let recorded = || std::fs::metadata(sandbox.path("p/1/run-1.mcap")).map_or(0, |file| file.len());
+    wait_for("the first run never began", || recorded() > 100_000);
     let text = std::fs::read_to_string(&rig).unwrap();
     std::fs::write(&rig, text.replace("bus:", "bus:/nowhere")).unwrap();
     let output = play.wait_with_output().unwrap();
