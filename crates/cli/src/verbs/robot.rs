@@ -173,7 +173,9 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     // `etude doctor` reports where this is not permitted.
     let _priority = Priority::of_this_thread(Rank::Controller).ok();
     let interrupt = stop_flag()?;
-    let mut operator = Operator { guard, claim, entered: enter(&interrupt), interrupt };
+    // Only who guides the arm by hand presses Enter.
+    let entered = if args.by_hand { enter(&interrupt) } else { channel().1 };
+    let mut operator = Operator { guard, claim, entered, interrupt };
     let shown = read_pose(&rig, args.by_hand, &mut operator)?;
     // The arm has confirmed that it is at rest.
     operator.guard.farewell();
