@@ -211,7 +211,11 @@ impl RobotRun {
 /// right, and most are if all are taken that much lower.
 fn shifted(performance: &Performance, right: usize) -> Option<String> {
     const SHIFTS: [i32; 8] = [12, -12, 24, -24, 1, -1, 2, -2];
-    let (due, played) = (performance.piece.notes(), performance.notes());
+    let due = performance.piece.notes();
+    if 4 * right >= due.len() {
+        return None;
+    }
+    let played = performance.notes();
     let lower = |note: &Note, semitones: i32| {
         let pitch = u8::try_from(i32::from(note.pitch) - semitones).ok()?;
         Some(Note { pitch, ..*note })
@@ -220,8 +224,7 @@ fn shifted(performance: &Performance, right: usize) -> Option<String> {
         let played: Vec<Note> = played.iter().filter_map(|note| lower(note, *semitones)).collect();
         note_scores(due, &played).matched
     };
-    let semitones =
-        SHIFTS.into_iter().find(|shift| 2 * right_if(shift) > due.len().max(3) && 4 * right < due.len())?;
+    let semitones = SHIFTS.into_iter().find(|shift| 2 * right_if(shift) > due.len().max(3))?;
     let (too, button) = if semitones > 0 { ("high", '-') } else { ("low", '+') };
     let remedy = match semitones.abs() {
         12 => format!("press its octave {button} button once"),
