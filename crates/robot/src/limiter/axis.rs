@@ -75,6 +75,22 @@ impl Axis {
         self.targets = [position; 3];
     }
 
+    /// There was no step for `secs`: it has braked meanwhile, as far as its limits allow. From here
+    /// on a step takes `step_secs`.
+    pub fn pause(&mut self, secs: f64, step_secs: f64) {
+        let has_changed = std::mem::replace(&mut self.step_secs, step_secs) != step_secs;
+        if secs > 0.0 {
+            let left = self.state.velocity.abs() - self.limits.acceleration * secs;
+            let velocity = left.max(0.0).copysign(self.state.velocity);
+            self.state = Motion { velocity, acceleration: 0.0, ..self.state };
+        } else if !has_changed {
+            return;
+        }
+        if self.state.velocity == 0.0 || !self.state.is_viable(&self.limits, step_secs) {
+            self.rest(self.state.position);
+        }
+    }
+
     /// Its limits.
     pub fn limits(&self) -> &AxisLimits {
         &self.limits

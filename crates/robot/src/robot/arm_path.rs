@@ -21,8 +21,10 @@ const FLANGE_SHARE: f64 = 0.5;
 const ARRIVED_RAD: f64 = 0.02;
 /// Longest time from the last target to the arrival.
 const ARRIVAL_TIMEOUT: Duration = Duration::from_secs(2);
-/// Pauses between targets in a row after which the replies are too late to move the arm.
-const MAX_PAUSES: u32 = 100;
+/// How many times as long as planned a path may take, and how much longer besides, if the replies
+/// come late.
+const MAX_SLOWDOWN: u32 = 3;
+const SLOWDOWN_ROOM: Duration = Duration::from_secs(3);
 /// Turn that counts as none, rad.
 const NONE_RAD: f64 = 1e-6;
 
@@ -35,41 +37,45 @@ pub(super) struct ArmPath {
     turn: f64,
     /// How far it has turned: one step for each target that is sent.
     along: Axis,
-    pauses: u32,
+    /// When the first target was sent, and how long all of them take on a good link.
+    begun: Option<Duration>,
+    planned: Duration,
     sent_all_at: Option<Duration>,
 }
 
 impl ArmPath {
-    /// From rest at `from` to rest at `to` (rad).
-    pub fn new(from: [f64; ARM_JOINTS], to: [f64; ARM_JOINTS], config: &ArmConfig) -> Self {
+    /// From rest at `from` to rest at `to` (rad), with a target every `period`.
+    pub fn new(from: [f64; ARM_JOINTS], to: [f64; ARM_JOINTS], config: &ArmConfig, period: Duration) -> Self {
         let (_, turn) = largest_turn(&from, &to);
         let velocity = MAX_SPEED
             .min(config.joint_speed_limit_rad_s)
             .min(FLANGE_SHARE * config.tcp_speed_limit_m_s / flange_m_per_rad(&from, &to, turn));
         let limits =
             AxisLimits { position: [0.0, turn], velocity, acceleration: MAX_ACCELERATION, jerk: MAX_JERK };
-        let along = Axis::at_rest(limits, config.servo_period().as_secs_f64(), 0.0);
-        Self { from, to, turn, along, pauses: 0, sent_all_at: None }
+        let along = Axis::at_rest(limits, period.as_secs_f64(), 0.0);
+        // Constant speed, and a ramp at either end.
+        let ramp_secs = velocity / MAX_ACCELERATION + MAX_ACCELERATION / MAX_JERK;
+        let planned = Duration::from_secs_f64(turn / velocity + ramp_secs);
+        Self { from, to, turn, along, begun: None, planned, sent_all_at: None }
     }
 
-    /// The next target. After a pause the path continues from rest.
-    ///
-    /// # Errors
-    /// If there is a pause before each target.
-    pub fn next(&mut self, now: Duration, paused: bool) -> Result<[f64; ARM_JOINTS], ArmFault> {
-        self.pauses = if paused { self.pauses + 1 } else { 0 };
-        if self.pauses > MAX_PAUSES {
-            return Err(ArmFault::LateReplies);
-        }
-        if paused {
-            self.along.rest(self.along.position());
-        }
+    /// The next target, one `period` of the motion after the last. After a pause the path continues
+    /// from rest.
+    pub fn next(&mut self, now: Duration, paused: bool, period: Duration) -> [f64; ARM_JOINTS] {
+        self.begun.get_or_insert(now);
+        self.along.pause(if paused { f64::INFINITY } else { 0.0 }, period.as_secs_f64());
         self.along.step(self.turn);
         if self.turn - self.along.position() <= NONE_RAD {
             self.sent_all_at.get_or_insert(now);
-            return Ok(self.to);
+            return self.to;
         }
-        Ok(between(&self.from, &self.to, self.along.position() / self.turn))
+        between(&self.from, &self.to, self.along.position() / self.turn)
+    }
+
+    /// Whether the path takes so much longer than planned that it is given up.
+    pub fn is_late(&self, now: Duration) -> bool {
+        let took = self.begun.map_or(Duration::ZERO, |begun| now.saturating_sub(begun));
+        self.sent_all_at.is_none() && took > self.planned * MAX_SLOWDOWN + SLOWDOWN_ROOM
     }
 
     /// Whether the arm, which is at `joints` (rad), has arrived.
@@ -114,18 +120,22 @@ mod tests {
         fn a_path_keeps_its_limits_and_ends(
             turns in prop::array::uniform7(-1.0..1.0_f64),
             tcp_speed_limit_m_s in 0.05..1.0_f64,
-            pauses in prop::collection::vec(0..4000_usize, 0..6),
+            pauses in prop::collection::vec((0..4000_usize, 4.0..20.0_f64), 0..6),
+            period_ms in 4.0..20.0_f64,
         ) {
             let config = ArmConfig { tcp_speed_limit_m_s, ..ArmConfig::default() };
             let from = PAPER_HOME_DEG.map(f64::to_radians);
             let to = std::array::from_fn(|joint| from[joint] + turns[joint]);
-            let mut path = ArmPath::new(from, to, &config);
-            let secs = config.servo_period().as_secs_f64();
+            let mut secs = period_ms / 1e3;
+            let mut path = ArmPath::new(from, to, &config, Duration::from_secs_f64(secs));
             let (mut before, mut speed) = (from, 0.0);
             let mut targets = 0;
             while path.sent_all_at.is_none() {
-                let paused = pauses.contains(&targets);
-                let next = path.next(Duration::ZERO, paused).unwrap();
+                // The period changes only after a pause.
+                let pause = pauses.iter().find(|(at, _)| *at == targets);
+                secs = pause.map_or(secs, |(_, ms)| ms / 1e3);
+                let paused = pause.is_some();
+                let next = path.next(Duration::ZERO, paused, Duration::from_secs_f64(secs));
                 let (_, turn) = largest_turn(&before, &next);
                 let flange = (kinematics::forward(&next).position_m - kinematics::forward(&before).position_m).norm();
                 prop_assert!(turn / secs <= MAX_SPEED * 1.001 && flange / secs <= 0.51 * tcp_speed_limit_m_s);
@@ -144,10 +154,11 @@ mod tests {
         let from = PAPER_HOME_DEG.map(f64::to_radians);
         let mut to = from;
         to[3] += 0.3;
-        let mut path = ArmPath::new(from, to, &ArmConfig::default());
+        let period = ArmConfig::default().servo_period();
+        let mut path = ArmPath::new(from, to, &ArmConfig::default(), period);
         assert_eq!(path.has_arrived(Duration::ZERO, &to), Ok(false), "not all was sent");
         while path.sent_all_at.is_none() {
-            path.next(Duration::from_secs(3), false).unwrap();
+            path.next(Duration::from_secs(3), false, period);
         }
         let mut near = to;
         near[3] -= 0.03;
@@ -156,8 +167,8 @@ mod tests {
         assert!(matches!(late, Err(ArmFault::NotFollowing { joint: 4, .. })), "{late:?}");
         assert_eq!(path.has_arrived(Duration::from_secs(6), &to), Ok(true));
         // A path of no length is over with its first target.
-        let mut none = ArmPath::new(to, to, &ArmConfig::default());
-        assert_eq!(none.next(Duration::ZERO, false), Ok(to));
+        let mut none = ArmPath::new(to, to, &ArmConfig::default(), period);
+        assert_eq!(none.next(Duration::ZERO, false, period), to);
         assert_eq!(none.has_arrived(Duration::ZERO, &to), Ok(true));
     }
 }

@@ -107,7 +107,15 @@ impl Robot {
             return Err(Fault::NotFollowing { joint, by_rad });
         }
         if let Some(implausible) = self.plausibility.found() {
-            return Err(implausible.clone().into());
+            let arm = &self.rail_arm.arm;
+            return Err(if implausible.is_lag() && arm.has_late_replies() {
+                arm.late_replies().into()
+            } else {
+                implausible.clone().into()
+            });
+        }
+        if self.motion.is_late(now) {
+            return Err(self.rail_arm.arm.late_replies().into());
         }
         if self.phase() == Phase::Following {
             self.motion.check_age(now, self.config.limits.stale_command_secs)?;
@@ -159,15 +167,23 @@ impl Robot {
         if !self.status.is_live() || !self.rail_arm.arm.takes_target(now) {
             return Ok(());
         }
-        let has_paused = self.rail_arm.has_paused(now, &self.config.arm);
+        let pause = self.rail_arm.arm.pause(now);
+        self.set_target(now, pause)?;
+        if pause.is_some() {
+            self.rail_arm.arm.resume(now);
+        }
+        Ok(())
+    }
+
+    fn set_target(&mut self, now: Duration, pause: Option<Duration>) -> Result<(), Fault> {
         if let Some(path) = self.motion.arm_path() {
-            let joints = path.next(now, has_paused)?;
+            let joints = path.next(now, pause.is_some(), self.rail_arm.arm.servo_period());
             return Ok(self.rail_arm.arm.servo(now, joints)?);
         }
         let easing = (self.set_points.easing.left(now)[RAIL_AXIS], self.set_points.easing.share(now));
         let interlock = self.interlock();
         let brakes = |rail: &Axis| interlock.drags(rail);
-        self.rail_arm.follow_rail(now, has_paused, self.set_points.rail().position(), easing, brakes)
+        self.rail_arm.follow_rail(now, pause, self.set_points.rail().position(), easing, brakes)
     }
 
     /// One period of the joint loop.

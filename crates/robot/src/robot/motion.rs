@@ -50,6 +50,12 @@ impl Motion {
         self.plan.as_mut()?.path.as_mut()
     }
 
+    /// Whether the arm takes much longer to the keyboard than it should.
+    pub fn is_late(&self, now: Duration) -> bool {
+        let path = self.plan.as_ref().and_then(|plan| plan.path.as_ref());
+        path.is_some_and(|path| path.is_late(now))
+    }
+
     /// Whether the arm is on its path to the keyboard.
     pub fn has_arm_path(&self) -> bool {
         self.plan.as_ref().is_some_and(|plan| plan.path.is_some())

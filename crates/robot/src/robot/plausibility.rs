@@ -134,6 +134,13 @@ pub enum Implausible {
     },
 }
 
+impl Implausible {
+    /// Whether an arm whose targets come too late looks like this.
+    pub fn is_lag(&self) -> bool {
+        matches!(self, Self::ArmAway { .. } | Self::ArmOffPath { .. })
+    }
+}
+
 /// Values that were reported, and the lowest and highest places where the joints were sent while
 /// they stayed the same.
 #[derive(Clone, Copy, Debug)]

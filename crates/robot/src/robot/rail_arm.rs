@@ -197,27 +197,24 @@ impl RailArm {
         self.offset = Default::default();
     }
 
-    /// Whether the arm has stood still because no target could be sent.
-    pub fn has_paused(&self, now: Duration, config: &ArmConfig) -> bool {
-        let pause = self.arm.sent_at().map_or(Duration::ZERO, |at| now.saturating_sub(at));
-        pause > config.servo_period() * 7 / 4
-    }
-
     /// Sends the next target along the keyboard. After late replies the rail's set-point is far
-    /// ahead: the arm catches up with it within the same limits, from rest if it has paused. `left`
+    /// ahead: the arm catches up with it within the same limits. In a `pause` it has braked. `left`
     /// is the share of the offset that is left, `eased_m` what the easing adds to the rail.
     pub fn follow_rail(
         &mut self,
         now: Duration,
-        has_paused: bool,
+        pause: Option<Duration>,
         rail_m: f64,
         (eased_m, left): (f64, f64),
         brakes: impl Fn(&Axis) -> bool,
     ) -> Result<(), Fault> {
         let Some(near) = self.sent else { return Ok(()) };
-        if has_paused {
-            self.axis.rest(self.axis.position());
-        }
+        let period = self.arm.servo_period();
+        let stood_secs = match pause {
+            Some(_) if self.arm.slows_down(now) => f64::INFINITY,
+            pause => pause.unwrap_or_default().saturating_sub(period).as_secs_f64(),
+        };
+        self.axis.pause(stood_secs, period.as_secs_f64());
         if brakes(&self.axis) {
             self.axis.brake();
         } else {
@@ -258,7 +255,7 @@ impl RailArm {
         let from = self.arm.sent().or(self.arm.joints()).unwrap_or(*self.path.middle());
         let rail_m = self.path.place(&from).rail_m;
         let to = via.joints(&self.path, &from).map_err(|source| Fault::Reach { rail_m, source })?;
-        Ok(ArmPath::new(from, to, config))
+        Ok(ArmPath::new(from, to, config, self.arm.servo_period()))
     }
 
     fn path_joints(&self, rail_m: f64, near: &[f64; ARM_JOINTS]) -> Result<[f64; ARM_JOINTS], Fault> {

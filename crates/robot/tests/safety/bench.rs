@@ -161,6 +161,7 @@ impl Bench {
             self.other_client(&request);
         }
         self.judge.arm = Some(self.lockstep.twin.devices.arm.joints());
+        self.judge.target_secs = self.robot.arm().servo_period().as_secs_f64();
         self.judge.fingers(self.lockstep.now(), &self.lockstep.twin.joints());
         self.at_the_wires(|robot, now, wires| robot.poll(now, wires));
         self.judge.settled(self.robot.phase());

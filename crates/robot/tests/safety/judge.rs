@@ -33,10 +33,9 @@ const ARM_DEG: [[f64; 2]; 7] = [
 /// Fastest flange, m/s, and fastest joint, rad/s (xArm user manual).
 const FLANGE_M_S: f64 = 1.0;
 const JOINT_RAD_S: f64 = PI;
-/// Time between two targets: shorter ones would not make the arm any faster (xArm user manual).
-const TARGET_SECS: f64 = 0.005;
-/// A target repeated after a longer pause than this still may not leap.
-const MAX_SECS: f64 = 0.02;
+/// Time between two targets: shorter ones would not make the arm any faster (xArm user manual), and
+/// longer ones would leap.
+const TARGET_SECS: [f64; 2] = [0.005, 0.02];
 /// The first target may be so far from the arm: reports are up to 10 ms old, and it may still
 /// brake.
 const FIRST_RAD: f64 = 0.1;
@@ -73,6 +72,8 @@ pub struct Judge {
     /// Register and first parameter of the last request that changes what the arm does.
     last_order: Option<(u8, u8)>,
     target: Option<(Duration, [f64; 7])>,
+    /// Time between two targets that the controller uses now, s.
+    pub target_secs: f64,
     /// Speed (m/s) and acceleration (m/s²) along the keyboard between the last targets.
     arm_speed: f64,
     arm_acceleration: f64,
@@ -118,6 +119,7 @@ impl Judge {
             partial: Vec::new(),
             last_order: None,
             target: None,
+            target_secs: TARGET_SECS[0],
             arm_speed: 0.0,
             arm_acceleration: 0.0,
             worst_step_m: 0.0,
@@ -272,22 +274,28 @@ impl Judge {
         self.targets += 1;
         let far = |other: &[f64; 7]| joints.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         if let Some((at, before)) = self.target {
-            let secs = (now - at).as_secs_f64().clamp(TARGET_SECS, MAX_SECS);
+            let period = self.target_secs;
+            assert!((TARGET_SECS[0]..=TARGET_SECS[1]).contains(&period), "a target every {period} s");
+            let secs = (now - at).as_secs_f64().clamp(period, TARGET_SECS[1]);
             // What a 32-bit float rounds off.
             let rounding = 1e-5;
             assert!(far(&before) <= JOINT_RAD_S * secs + rounding, "{} rad in {secs} s", far(&before));
             let flange_distance_m = (forward(&joints).position_m - forward(&before).position_m).norm();
             assert!(flange_distance_m <= FLANGE_M_S * secs + rounding, "{flange_distance_m} m in {secs} s");
-            // The arm takes each target at full speed, however late it comes, and stands still if
-            // none comes.
+            // The arm takes each target at full speed, however late it comes, and brakes if none
+            // comes.
             let along = forward(&joints).position_m[1] - forward(&before).position_m[1];
-            let speed = along / TARGET_SECS;
-            if (now - at).as_secs_f64() > 1.75 * TARGET_SECS {
-                (self.arm_speed, self.arm_acceleration) = (0.0, 0.0);
-            }
-            let acceleration = (speed - self.arm_speed) / TARGET_SECS;
-            let jerk = (acceleration - self.arm_acceleration) / TARGET_SECS;
+            let speed = along / period;
             let limits = &self.limits[12];
+            if (now - at).as_secs_f64() > 1.75 * period {
+                let braked = limits.acceleration * ((now - at).as_secs_f64() - period);
+                let left = (self.arm_speed.abs() - braked).max(0.0).copysign(self.arm_speed);
+                // It may also begin at rest.
+                let is_nearer = (speed - left).abs() < speed.abs();
+                (self.arm_speed, self.arm_acceleration) = (if is_nearer { left } else { 0.0 }, 0.0);
+            }
+            let acceleration = (speed - self.arm_speed) / period;
+            let jerk = (acceleration - self.arm_acceleration) / period;
             // Besides: what a joint that started outside its range is eased by, and what floats
             // round off.
             assert!(speed.abs() <= limits.velocity + 0.03, "{speed} m/s along the keyboard");
@@ -302,7 +310,7 @@ impl Judge {
                 let braked_secs = now.as_secs_f64() - since.as_secs_f64() - REACTION_SECS;
                 let braking = limits.velocity - limits.acceleration * braked_secs.max(0.0);
                 // Besides: what one target may add before the hand brakes again.
-                let most = braking.max(self.key_down_m_s + limits.acceleration * TARGET_SECS) + 0.03;
+                let most = braking.max(self.key_down_m_s + limits.acceleration * period) + 0.03;
                 assert!(speed.abs() <= most, "{speed} m/s, {braked_secs} s after a finger went down");
                 if braking < self.key_down_m_s {
                     self.worst_key_down_m_s = self.worst_key_down_m_s.max(speed.abs());

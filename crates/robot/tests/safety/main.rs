@@ -3,6 +3,7 @@
 //! | module | what it holds the controller to |
 //! |---|---|
 //! | `playing` | an undisturbed robot starts, goes to the keyboard and follows |
+//! | `links` | late replies of the arm cost time, not the motion |
 //! | `matrix` | each fault in each phase ends as its table says (`target/fault-matrix.md`) |
 //! | `elsewhere` | whichever joint of the arm is not where it was sent, the robot stops |
 //! | `ordered` | each kind of fault that a parameter set can order ends a performance |
@@ -28,6 +29,7 @@ mod fuzz;
 mod joint_check;
 mod judge;
 mod limits;
+mod links;
 mod matrix;
 mod mischief;
 mod ordered;

@@ -5,14 +5,12 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use etude_emulators::ReportKind;
-use etude_emulators::faults::FaultPlan;
+use etude_robot::Phase;
 use etude_robot::joints::RAIL;
-use etude_robot::xarm::ArmFault;
-use etude_robot::{Fault, Implausible, Phase};
 use etude_twin::{TwinParams, calibration};
 use proptest::prelude::*;
 
-use crate::bench::{Bench, start_pose, with_links};
+use crate::bench::{Bench, start_pose};
 use crate::policy::Policy;
 
 #[test]
@@ -92,46 +90,6 @@ fn a_command_that_comes_within_a_set_point_changes_nothing() {
         let clamped = bench.robot.clamped() - before;
         // The first one is from rest.
         assert!(clamped <= 1, "grid {phase} ms, command {late} ms late: {clamped}");
-    }
-}
-
-/// Slow replies slow the arm a little; ones with which it cannot keep up are a fault, and do not
-/// leave the hand behind.
-#[test]
-fn an_arm_that_replies_late_follows_or_stops() {
-    // One way.
-    for (delay_secs, follows) in [(0.003, true), (0.0065, false)] {
-        let arm = FaultPlan { delay_secs, ..FaultPlan::default() };
-        let none = FaultPlan::default();
-        let twin_params = with_links(&none, &arm, &none);
-        let mut bench = Bench::new(&twin_params, &calibration("twin"));
-        bench.start_and_hold();
-        bench.robot.home(bench.now(), &start_pose()).unwrap();
-        if follows {
-            bench.until_phase(Phase::Holding, 60_000);
-        } else {
-            bench.until_phase(Phase::Fault, 3000);
-            let late = matches!(bench.robot.fault(), Some(Fault::Arm(ArmFault::LateReplies)));
-            assert!(late, "{:?}", bench.robot.fault());
-            bench = Bench::at_the_keyboard(&twin_params);
-            bench.start_and_hold();
-        }
-        bench.follow(Policy::Smooth);
-        for _ in 0..60 {
-            bench.run(50);
-            let [world, set] = [bench.lockstep.twin.joints()[RAIL], bench.robot.joints()[RAIL]];
-            assert!((world - set).abs() < 0.15, "{delay_secs} s: {world}, {set}");
-        }
-        assert_eq!(
-            bench.robot.phase() == Phase::Following,
-            follows,
-            "{delay_secs} s: {:?}",
-            bench.robot.fault()
-        );
-        if !follows {
-            let away = matches!(bench.robot.fault(), Some(Fault::Implausible(Implausible::ArmAway { .. })));
-            assert!(away, "{:?}", bench.robot.fault());
-        }
     }
 }
 

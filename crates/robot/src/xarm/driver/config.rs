@@ -35,7 +35,7 @@ settings! {
         pub joint_jerk_rad_s3: f64 = 200.0, 1.0..=499.9;
         /// Largest acceleration of them, rad/s².
         pub joint_acceleration_rad_s2: f64 = 19.98, 0.1..=19.98;
-        /// Targets a second, 100 to 250.
+        /// Targets a second, 100 to 250; fewer are sent over a link that does not carry so many.
         pub servo_hz: f64 = 200.0, 100.0..=250.0;
         /// A target that needs a faster joint is refused, rad/s.
         pub joint_speed_limit_rad_s: f64 = PI, 0.01..=PI;

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use super::distance::largest_turn;
 use super::fault::ArmFault;
 use super::state::{Arm, Outstanding, Phase, Purpose, Target, Work};
 use super::steps::{self, ArmVersion, MANUAL, SERVO, Step, text};
@@ -16,6 +17,8 @@ const STOP_AGAIN: Duration = Duration::from_millis(100);
 /// Longest that a change of the set-up may take: enabling the motors releases brakes. The official
 /// SDK waits as long.
 const CHANGE_TIMEOUT: Duration = Duration::from_secs(5);
+/// A target this near the one before moves nothing, rad.
+const STILL_RAD: f64 = 1e-6;
 /// Time between two requests for the state.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
 /// Offsets of the box and of its switch in the reply of register 53, which has the order of the
@@ -94,12 +97,12 @@ impl Arm {
     /// Whether a tick is due.
     pub(super) fn is_due(&self, now: Duration) -> bool {
         // A caller that polls at this very rate is sometimes early by a little.
-        self.next_tick.unwrap_or(now).saturating_sub(now) <= self.config.servo_period() / 8
+        self.next_tick.unwrap_or(now).saturating_sub(now) <= self.link.period() / 8
     }
 
     /// Sends the newest target if it is due and nothing is outstanding.
     pub(super) fn tick(&mut self, now: Duration, out: &mut Vec<u8>) {
-        let period = self.config.servo_period();
+        let period = self.link.period();
         // A target that waits for a reply is sent as soon as that has come.
         if !self.is_due(now) || self.outstanding.is_some() {
             return;
@@ -113,6 +116,9 @@ impl Arm {
         let mut params = [[0; 4]; ARM_JOINTS + 3];
         params.iter_mut().zip(next.joints).for_each(|(word, angle)| *word = float(angle));
         self.request(now, Purpose::Target, Register::ServoJoints, params.as_flattened(), out);
+        if self.sent.is_some_and(|sent| largest_turn(&sent.joints, &next.joints).1 <= STILL_RAD) {
+            self.link.choose();
+        }
         self.sent = Some(next);
     }
 
@@ -170,6 +176,9 @@ impl Arm {
             return;
         };
         self.outstanding = None;
+        if asked.purpose == Purpose::Target {
+            self.link.take(now.saturating_sub(asked.at));
+        }
         let Some((state, params)) = frame.reply() else {
             return self.fail(ArmFault::ProtocolNonsense("a reply is too short"));
         };

@@ -94,11 +94,18 @@ pub enum ArmFault {
         /// How far it is off, rad.
         by_rad: f64,
     },
-    /// The replies come so late that no target is on time.
+    /// The replies come so late that too few targets are on time.
     #[error(
-        "the arm's replies come too late to move it to the keyboard: connect its control box by cable, close other programs, then start again"
+        "{:.0} % of the arm's replies took more than {} ms: connect its control box by cable, close other programs, then start again",
+        100.0 * share,
+        gap.as_secs_f64() * 1e3
     )]
-    LateReplies,
+    LateReplies {
+        /// Share of the last replies that came too late.
+        share: f64,
+        /// How late.
+        gap: Duration,
+    },
     /// A target was refused, and nothing was sent.
     #[error(
         "a target for the arm was refused: {0}; slow the motion down or correct its path, then start again"

@@ -24,6 +24,7 @@ pub use steps::ArmVersion;
 use super::codec::{FrameParser, Register};
 use super::delay_monitor::DelayMonitor;
 use super::kinematics::{self, ARM_JOINTS, Pose};
+use super::link::{Link, LinkSpeed, MANY_LATE};
 use super::report::{REPORT_PERIOD, Report, ReportParser};
 pub(crate) use distance::largest_turn;
 use state::{Halt, Phase, Purpose, Target, Work};
@@ -62,6 +63,7 @@ impl Arm {
         (self.outstanding, self.halt, self.ask_error) = (None, None, false);
         // Reports may have been missing before.
         self.report_delay = DelayMonitor::new(REPORT_PERIOD);
+        self.link = Link::new(self.config.servo_period());
         self.work(now, steps::START);
         Ok(())
     }
@@ -94,6 +96,44 @@ impl Arm {
         matches!(self.phase, Phase::Ready) && self.outstanding.is_none() && self.is_due(now) && !unsent
     }
 
+    /// Time between two targets: the configured one, or a multiple that the link carries.
+    pub fn servo_period(&self) -> Duration {
+        self.link.period()
+    }
+
+    /// What the link carries.
+    pub fn link_speed(&self) -> LinkSpeed {
+        self.link.speed()
+    }
+
+    /// The fault of late replies, with how many there were.
+    pub fn late_replies(&self) -> ArmFault {
+        ArmFault::LateReplies { share: self.link.late_share(), gap: self.link.longest_gap() }
+    }
+
+    /// Whether so many replies come late that the arm lags for that.
+    pub fn has_late_replies(&self) -> bool {
+        self.link.late_share() >= MANY_LATE
+    }
+
+    /// How long the arm has stood still because no target could be sent, if it has: the time since
+    /// the last one.
+    pub fn pause(&self, now: Duration) -> Option<Duration> {
+        let since = now.saturating_sub(self.sent_at()?);
+        (since > self.link.longest_gap()).then_some(since)
+    }
+
+    /// Whether the targets after a pause that ends now come at a longer period. The motion then
+    /// begins at rest.
+    pub fn slows_down(&self, now: Duration) -> bool {
+        self.link.lengthens(now)
+    }
+
+    /// A target is sent after a pause; if pauses recur, the ones after it at a longer period.
+    pub fn resume(&mut self, now: Duration) {
+        self.link.pause(now);
+    }
+
     /// When a target was sent last; `None` before the first.
     pub fn sent_at(&self) -> Option<Duration> {
         self.sent.and_then(|sent| sent.at)
@@ -102,7 +142,7 @@ impl Arm {
     /// Moves the ticks to a quarter of a period after the grid on which targets are computed, so
     /// that each is sent once. The next tick comes no sooner than it would have.
     pub fn align(&mut self, now: Duration, grid: Duration) {
-        let period = self.config.servo_period();
+        let period = self.link.period();
         let earliest = self.next_tick.unwrap_or(now);
         let phase = (grid + period / 4).as_nanos() % period.as_nanos();
         let late = (phase + period.as_nanos() - earliest.as_nanos() % period.as_nanos()) % period.as_nanos();

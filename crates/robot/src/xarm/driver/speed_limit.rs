@@ -66,7 +66,7 @@ impl Arm {
     /// Time that a step may use, s: a period, whatever time has passed since the last target,
     /// because the arm takes each target at full speed.
     fn step_secs(&self) -> f64 {
-        self.config.servo_period().as_secs_f64() * ROUNDING
+        self.link.period().as_secs_f64() * ROUNDING
     }
 }
 

@@ -10,6 +10,7 @@ use super::steps::{self, ArmVersion, Step};
 use crate::xarm::codec::{FrameParser, Register, STOPPED};
 use crate::xarm::delay_monitor::DelayMonitor;
 use crate::xarm::kinematics::ARM_JOINTS;
+use crate::xarm::link::Link;
 use crate::xarm::report::{REPORT_PERIOD, Report, ReportParser};
 
 /// The arm's driver.
@@ -34,6 +35,7 @@ pub struct Arm {
     /// What was sent last, or where the arm was when it became ready.
     pub(super) sent: Option<Target>,
     pub(super) next_tick: Option<Duration>,
+    pub(super) link: Link,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -109,6 +111,7 @@ impl Arm {
     pub fn new(config: ArmConfig) -> Result<Self, RangeError> {
         config.check()?;
         Ok(Self {
+            link: Link::new(config.servo_period()),
             config,
             phase: Phase::Disconnected,
             protocol: 0,
