@@ -40,6 +40,25 @@ fn every_mode_plays_on_the_twin() {
     }
 }
 
+/// The slowest link to the arm that a network in order may be.
+#[test]
+fn over_a_link_with_jitter_the_robot_plays_and_says_what_it_lacks() {
+    let sandbox = Sandbox::new();
+    let standard = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/twin-params/standard.toml");
+    let standard = std::fs::read_to_string(standard).unwrap();
+    let [usual, slow] = [[0.0005, 0.0005], [0.005, 0.01]]
+        .map(|[delay, jitter]| format!("[links.arm]\ndelay_secs = {delay}\njitter_secs = {jitter}"));
+    assert!(standard.contains(&usual));
+    std::fs::write(sandbox.path("slow.toml"), standard.replace(&usual, &slow)).unwrap();
+    let report = sandbox.json("perform twinkle --robot twin --twin-params slow.toml --json");
+    assert!(report["robot_f1"].as_f64().unwrap() >= 0.9, "{report}");
+    let warning = report["runs"][0]["warnings"][0].as_str().unwrap_or_default();
+    assert!(
+        warning.contains("50 targets a second instead of 200; connect its control box by cable"),
+        "{report}"
+    );
+}
+
 #[test]
 fn each_robot_has_a_folder_of_its_own() {
     let sandbox = Sandbox::new();

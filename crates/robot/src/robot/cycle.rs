@@ -50,6 +50,7 @@ impl Robot {
         }
         self.frames = frames;
         self.rail_arm.arm.poll(now, &mut self.bytes);
+        self.note_slow_link(now);
         if let Err(fault) = self.send(wires) {
             self.fail_if_used(now, fault, wires);
         }
@@ -160,6 +161,16 @@ impl Robot {
         self.following_error = FollowingError::default();
         self.plausibility.begin_anew();
         Ok(())
+    }
+
+    /// Records that the arm is sent fewer targets than configured.
+    fn note_slow_link(&mut self, now: Duration) {
+        let period = self.rail_arm.arm.servo_period();
+        let noted = self.noted_period.unwrap_or_else(|| self.config.arm.servo_period());
+        if period > noted {
+            self.noted_period = Some(period);
+            self.status.note(now, "warning", format!("arm: {}", self.rail_arm.arm.link_speed()));
+        }
     }
 
     /// Gives the arm the next target if it can be sent now.

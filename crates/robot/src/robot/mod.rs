@@ -91,6 +91,8 @@ pub struct Robot {
     following_error: FollowingError,
     plausibility: PlausibilityChecks,
     polled: Option<Duration>,
+    /// The longest time between two targets for the arm that is in the journal.
+    noted_period: Option<Duration>,
     /// To be sent to the hand and to the arm.
     frames: Vec<CanFrame>,
     bytes: Vec<u8>,
@@ -119,6 +121,7 @@ impl Robot {
             following_error: FollowingError::default(),
             plausibility: PlausibilityChecks::default(),
             polled: None,
+            noted_period: None,
             frames: Vec::new(),
             bytes: Vec::new(),
             config: config.clone(),
@@ -228,6 +231,13 @@ impl Robot {
     /// The keyboard.
     pub fn keyboard(&self) -> &Keyboard {
         &self.keyboard.keyboard
+    }
+
+    /// What an operator should know: what the keyboard reports, and a link to the arm that does
+    /// not carry the configured targets.
+    pub fn warnings(&self) -> impl Iterator<Item = String> + '_ {
+        let link = self.noted_period.map(|_| format!("arm: {}", self.arm().link_speed()));
+        self.keyboard().warnings().map(|warning| warning.to_string()).chain(link)
     }
 
     /// The rig that it controls.

@@ -6,6 +6,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use etude_emulators::faults::FaultPlan;
+use etude_robot::joints::RAIL;
 use etude_robot::xarm::ArmFault;
 use etude_robot::{Fault, Phase};
 use etude_twin::{TwinParams, calibration};
@@ -132,6 +133,27 @@ fn a_link_with_jitter_plays_or_is_named() {
                 f64::from(took.unwrap()) / 1e3
             );
         }
+    }
+}
+
+/// A pause of the network now and then costs the hand a little of its way along the keyboard.
+#[test]
+fn single_pauses_do_not_end_a_performance() {
+    for pause_ms in [20, 50, 100] {
+        let mut bench = Bench::at_the_keyboard(&TwinParams::load("standard").unwrap());
+        let mut late = LateReplies::new(&mut bench, vec![0]);
+        bench.start();
+        late.until(&mut bench, Phase::Holding, 5000).unwrap();
+        bench.follow(Policy::Smooth);
+        let mut most: f64 = 0.0;
+        for ms in 0..15_000 {
+            late.delays_ms = vec![if ms % 1500 < 5 { pause_ms } else { 0 }];
+            late.step(&mut bench);
+            assert_eq!(bench.robot.phase(), Phase::Following, "{pause_ms} ms: {:?}", bench.robot.fault());
+            most = most.max((bench.lockstep.twin.joints()[RAIL] - bench.robot.sent()[RAIL]).abs());
+        }
+        println!("pauses of {pause_ms} ms: at most {:.0} mm from the set-point", most * 1e3);
+        assert!(bench.robot.arm().link_speed().hz > 199.0 && most < 0.06, "{pause_ms} ms: {most} m");
     }
 }
 

@@ -46,6 +46,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     }
     let robot = &session.robot;
     let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
+    let link = arm.link_speed();
     let version = arm.version().map(|version| version.text.clone());
     let report = json!({
         "rig": robot.config().name,
@@ -55,10 +56,16 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
             "board_celsius": hand.map(|hand| hand.board_celsius),
             "joints_rad": robot.hand().positions(),
         },
-        "arm": { "serial": arm.serial(), "firmware": version, "joints_rad": arm.joints() },
+        "arm": {
+            "serial": arm.serial(),
+            "firmware": version,
+            "joints_rad": arm.joints(),
+            "replies_within_secs": link.reply.as_secs_f64(),
+            "targets_per_second": link.hz,
+        },
         "rail": { "m": place.rail_m, "beside_m": place.beside_m, "turned_rad": place.turned_rad },
         "keyboard": robot.keyboard().state().to_string(),
-        "warnings": robot.keyboard().warnings().map(|warning| warning.to_string()).collect::<Vec<_>>(),
+        "warnings": robot.warnings().collect::<Vec<_>>(),
         "missing_fence": fence,
         "joints": checked.as_deref().map(joints),
         "fault": fault,
@@ -70,13 +77,14 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         let (hand, arm) = (&report["hand"], &report["arm"]);
         line(format!("hand      {}, board {} °C", text(&hand["serial"]), hand["board_celsius"]))?;
         line(format!("arm       {}, firmware {}", text(&arm["serial"]), text(&arm["firmware"])))?;
+        line(format!("link      {link}"))?;
         line(format!(
             "position  {:+.3} m along the keyboard, {:.0} mm from the calibrated path",
             place.rail_m,
             place.beside_m * 1e3
         ))?;
         line(format!("keyboard  {}", text(&report["keyboard"])))?;
-        for warning in robot.keyboard().warnings() {
+        for warning in robot.warnings() {
             line(format!("warning   {warning}"))?;
         }
         if let Some(fence) = fence {
