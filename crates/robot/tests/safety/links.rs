@@ -157,6 +157,24 @@ fn single_pauses_do_not_end_a_performance() {
     }
 }
 
+/// With low limits the arm makes up for a pause slowly: that must not look as if something held it.
+#[test]
+fn late_replies_with_the_limits_of_a_first_day_are_none_of_a_fault() {
+    let mut rig = rig();
+    (rig.limits.rail_velocity, rig.limits.rail_acceleration, rig.limits.rail_jerk) = (0.2, 1.0, 1500.0);
+    let mut bench = Bench::with_rig(&rig, &TwinParams::load("standard").unwrap(), &calibration("twin"));
+    bench.place_arm_at_the_keyboard();
+    let mut late = LateReplies::new(&mut bench, vec![0]);
+    bench.start();
+    late.until(&mut bench, Phase::Holding, 5000).unwrap();
+    bench.follow(Policy::Smooth);
+    for ms in 0..15_000 {
+        late.delays_ms = vec![if ms % 100 < 5 { 12 } else { 0 }];
+        late.step(&mut bench);
+        assert_eq!(bench.robot.phase(), Phase::Following, "{ms} ms: {:?}", bench.robot.fault());
+    }
+}
+
 /// Pauses that no rate bridges are named as what they are, with how many and what to do.
 #[test]
 fn a_link_that_pauses_again_and_again_is_named() {
