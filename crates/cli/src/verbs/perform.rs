@@ -1,5 +1,6 @@
 //! `etude perform`: play a song on a robot, or on its twin.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
@@ -123,17 +124,17 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     };
     let stop = stop_flag()?;
     let quiet = args.json;
-    let mut tell = |step: &RobotStep| {
-        if quiet {
-            return;
+    // Each once: before the robot plays, or at the end.
+    let mut warned = BTreeSet::new();
+    let mut tell = |step: &RobotStep| match step {
+        RobotStep::Warning(warning) if warned.insert(warning.clone()) => note(format!("warning: {warning}")),
+        RobotStep::Warning(_) => {}
+        _ if quiet => {}
+        RobotStep::LagMeasured { run, latency_compensation_secs } => {
+            note(lag_measured(run, *latency_compensation_secs));
         }
-        match step {
-            RobotStep::LagMeasured { run, latency_compensation_secs } => {
-                note(lag_measured(run, *latency_compensation_secs));
-            }
-            RobotStep::RunEnded { index, run } => {
-                note(format!("run {}: {}, {}", index + 1, run_summary(run), run.ending));
-            }
+        RobotStep::RunEnded { index, run } => {
+            note(format!("run {}: {}, {}", index + 1, run_summary(run), run.ending));
         }
     };
     let report = play_on_robot(&play, Some(&folder), &mut planner, &mut Job::new(&mut tell, &stop))?;
@@ -142,9 +143,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     } else {
         print(&report, f1_name(pianist.config.task.key_schedule.rule))?;
     }
-    let mut warnings: Vec<&String> = report.runs.iter().flat_map(|run| &run.warnings).collect();
-    warnings.dedup();
-    warnings.iter().for_each(|warning| note(format!("warning: {warning}")));
+    let warnings = report.runs.iter().flat_map(|run| &run.warnings);
+    for warning in warnings.filter(|warning| warned.insert((*warning).clone())) {
+        note(format!("warning: {warning}"));
+    }
     if let Some(why) = &report.not_played {
         anyhow::bail!(
             "run {} was not played: {why}; the report has the runs before it",

@@ -65,7 +65,7 @@ use crate::joints::{DRIVEN, from_wire};
 use crate::keyboard::Keyboard;
 use crate::rig_file::{RigConfig, RigError};
 use crate::wires::Wires;
-use crate::xarm::{Arm, ArmFault};
+use crate::xarm::{Arm, ArmFault, untried};
 use axes::driven;
 use following_error::{FollowingError, farthest};
 use homing_plan::check_fence;
@@ -228,6 +228,12 @@ impl Robot {
     /// The keyboard.
     pub fn keyboard(&self) -> &Keyboard {
         &self.keyboard.keyboard
+    }
+
+    /// What the operator should know of the devices, and what to do.
+    pub fn warnings(&self) -> Vec<String> {
+        let firmware = self.arm().version().and_then(untried);
+        firmware.into_iter().chain(self.keyboard().warnings().map(|warning| warning.to_string())).collect()
     }
 
     /// The rig that it controls.

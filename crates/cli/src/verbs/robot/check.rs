@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         "arm": { "serial": arm.serial(), "firmware": version, "joints_rad": arm.joints() },
         "rail": { "m": place.rail_m, "beside_m": place.beside_m, "turned_rad": place.turned_rad },
         "keyboard": robot.keyboard().state().to_string(),
-        "warnings": robot.keyboard().warnings().map(|warning| warning.to_string()).collect::<Vec<_>>(),
+        "warnings": robot.warnings(),
         "missing_fence": fence,
         "joints": checked.as_deref().map(joints),
         "fault": fault,
@@ -76,7 +76,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
             place.beside_m * 1e3
         ))?;
         line(format!("keyboard  {}", text(&report["keyboard"])))?;
-        for warning in robot.keyboard().warnings() {
+        for warning in robot.warnings() {
             line(format!("warning   {warning}"))?;
         }
         if let Some(fence) = fence {
