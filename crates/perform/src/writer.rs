@@ -74,6 +74,8 @@ pub struct RecordingWriter {
     sequence: u32,
     /// Time on the robot's clock at which the performance began, s.
     pub(crate) begun_secs: f64,
+    /// [`Header::latency_compensation_secs`].
+    pub(crate) latency_compensation_secs: f64,
     /// Times of the performance and of the robot's clock when a chunk was written last.
     flushed_secs: [f64; 2],
     /// `None` once the file is complete.
@@ -110,6 +112,7 @@ impl RecordingWriter {
             channels,
             sequence: 0,
             begun_secs: 0.0,
+            latency_compensation_secs: header.latency_compensation_secs,
             flushed_secs: [0.0; 2],
             lines: Some(lines),
             thread: Some(thread),
