@@ -269,6 +269,7 @@ impl RecordingWriter {
             channels: topics().into_iter().zip(1..).map(|((topic, ..), id)| (topic, id)).collect(),
             sequence: 0,
             begun_secs: 0.0,
+            latency_compensation_secs: 0.0,
             flushed_secs: [0.0; 2],
             lines: Some(lines),
             thread: None,
