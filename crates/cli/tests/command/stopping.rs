@@ -1,7 +1,6 @@
 //! A robot in another process: however its controller ends, it is let go.
 
 use std::io::{BufRead as _, BufReader, Write as _};
-use std::net::TcpListener;
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
@@ -275,36 +274,6 @@ fn a_hand_that_does_not_answer_is_not_called_stopped() {
     assert_eq!((&told["arm"], &told["sure"]), (&"stopped".into(), &false.into()), "{told}");
     assert!(told["hand"].as_str().unwrap().contains("switch off its power"), "{told}");
     assert!(!stop.status.success() && errors(&stop).contains("hardware stop"), "{}", errors(&stop));
-}
-
-/// What was never reached was never given power: the guard, whose messages are in the output, has
-/// nothing to stop.
-#[test]
-fn after_a_start_in_which_nothing_answers_the_guard_says_nothing() {
-    for (fault, expected) in
-        [(None, "nothing answers at 127.0.0.1"), (Some("can-silent@0"), "the hand does not answer")]
-    {
-        let sandbox = Sandbox::new();
-        let twin = Served::with_fault(&sandbox, fault);
-        // It takes every connection, and says nothing.
-        let swallows = TcpListener::bind("127.0.0.1:0").unwrap();
-        let port = swallows.local_addr().unwrap().port();
-        let text = std::fs::read_to_string(&twin.rig).unwrap();
-        let arm = text.split("\narm = \"").nth(1).unwrap().split('"').next().unwrap();
-        let rig = twin.rig.with_file_name("swallows.toml");
-        std::fs::write(&rig, text.replace(arm, &format!("127.0.0.1:{port}:{port}"))).unwrap();
-        let check = format!("robot check --robot {}", rig.display());
-        let calibrate = format!("robot calibrate --robot {} --at middle", rig.display());
-        let unreached = [(check, expected), (calibrate, "nothing answers at 127.0.0.1")];
-        for (command, expected) in unreached {
-            let output = sandbox.command(&command).output().unwrap();
-            let said = errors(&output);
-            assert!(output.status.code() == Some(1) && said.contains(expected), "{command}: {said}");
-            for odd in ["guard:", "hardware stop", "emergency stop", "switch off"] {
-                assert!(!said.contains(odd), "{command}: {said}");
-            }
-        }
-    }
 }
 
 #[test]

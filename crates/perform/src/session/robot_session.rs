@@ -110,7 +110,8 @@ impl Session {
     }
 
     /// Releases the hand, stops the arm, and waits until both have confirmed it. One that has never
-    /// answered was never given power: there is nothing to confirm, and nothing for the guard to do.
+    /// answered was never given power: there is nothing to confirm, and nothing for the guard to
+    /// do.
     ///
     /// # Errors
     /// If they do not: what the operator must do. The guard then tries again.
