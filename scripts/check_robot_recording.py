@@ -36,8 +36,8 @@ def keys(text):
 
 
 def heard_at(secs, strokes):
-    """The keys that are down at this time, by the strokes and releases until then."""
-    velocities = {stroke["pitch"]: stroke["velocity"] for stroke in strokes if stroke["secs"] <= secs + 1e-9}
+    """The keys that are down at this time of the control steps, by the strokes until then."""
+    velocities = {stroke["pitch"]: stroke["velocity"] for at, stroke in strokes if at <= secs + 1e-9}
     return down([pitch for pitch, velocity in velocities.items() if velocity > 0])
 
 
@@ -83,7 +83,10 @@ def main(folder: pathlib.Path) -> int:
     with open(folder / "run-1.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     # Also of keys that were down before the beginning, and until what was played last is heard.
-    header, strokes = messages["/header"][0], messages["/key"]
+    header, strokes = messages["/header"][0], list(zip(times["/key"], messages["/key"]))
+    early = header["latency_compensation_secs"]
+    drift = [abs(at - early - stroke["secs"]) for at, stroke in strokes if at > 0]
+    holds("a stroke's own time is that of its message less the latency compensation", max(drift, default=0) < 1e-8)
     holds("keys due at each step", [keys(r["due"]).tolist() for r in rows] == [down(due).tolist() for due in header["due"]])
     ends = [(step + 1) / header["control_hz"] for step in range(steps)]
     there = [heard_at(end + header["late_secs"], strokes).tolist() for end in ends]

@@ -15,6 +15,8 @@ from safetensors import SafetensorError, safe_open
 from ._native import EtudeError, Task
 
 SCHEMA = "etude-policy-2"
+#: No training leads to a larger weight.
+MAX_WEIGHT = 1e4
 SHIPPED = pathlib.Path(__file__).parent / "policies"
 SIGHT_READER = SHIPPED / "sight-reader.safetensors"
 MIDI = (".mid", ".midi")
@@ -143,4 +145,6 @@ def load_policy(song_or_path: str | os.PathLike[str]) -> Policy:
         raise EtudeError(f"{path} is damaged: its tensors do not have the shapes that its header claims")
     if not all(tensor.dtype == np.float32 and np.isfinite(tensor).all() for tensor in (*weights, *biases)):
         raise EtudeError(f"{path} is damaged: a tensor holds values that are not finite 32-bit numbers")
+    if any(np.abs(tensor).max(initial=0.0) > MAX_WEIGHT for tensor in (*weights, *biases)):
+        raise EtudeError(f"{path} is damaged or was changed: a weight is above {MAX_WEIGHT:.0f}; train it again")
     return Policy(weights, biases, header, path)

@@ -30,7 +30,9 @@ class Recording:
     Attributes:
         header: `song`, `player`, `rig`, `activity` (`kind`: simulation, mode, excitation or rest;
             `name`: of the execution mode or the excitation), `joints`, `due` (the keys due at each
-            control step), `late_secs` (see `heard`), `bar_secs`, `run` (the configuration of the
+            control step), `late_secs` (see `heard`), `latency_compensation_secs` (how much later the
+            control steps and `log_secs` are than the axis of the notes, which is that of
+            `due_notes`, of `bar_secs`, and of `secs` in `/key`), `run` (the configuration of the
             player's run), `corrected` (whether a correction was added to the robot's set-points),
             `rig_config` (the rig's file), `schema` (version of the messages, 2).
         topics: The messages of each topic, a column a field. Numbers come as arrays,
@@ -72,10 +74,10 @@ class Recording:
         if late_secs is None:
             return self.pressed
         ends = (np.arange(len(self)) + 1) / self.header["control_hz"] + late_secs
-        strokes = self.topics.get("/key", {"secs": (), "pitch": (), "velocity": ()})
+        strokes = self.topics.get("/key", {"log_secs": (), "pitch": (), "velocity": ()})
         heard = np.zeros((len(self), KEY_COUNT), np.bool_)
         # Each change of a key holds until its next one.
-        for secs, pitch, velocity in sorted(zip(strokes["secs"], strokes["pitch"], strokes["velocity"]), key=lambda stroke: stroke[0]):
+        for secs, pitch, velocity in sorted(zip(strokes["log_secs"], strokes["pitch"], strokes["velocity"]), key=lambda stroke: stroke[0]):
             heard[ends >= secs - 1e-9, pitch - LOWEST_PITCH] = velocity > 0
         return heard
 

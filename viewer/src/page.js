@@ -170,9 +170,9 @@ export class Page {
       setVolume: (volume) => sound.setVolume(volume),
       setCamera: (name) => this.setCamera(name),
       stepBy: (steps) => {
-        const { hz } = this.panes[0].take;
+        const { take } = this.panes[0];
         player.pause();
-        this.seek((Math.round(player.time() * hz) + steps) / hz);
+        this.seek(take.endOf(Math.round(take.stepAt(player.time())) + steps));
       },
       seek: (secs) => this.seek(secs),
       listenTo: (pane) => {

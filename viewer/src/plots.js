@@ -46,7 +46,7 @@ class Plot {
     pen.fillStyle = colours.line;
     for (const value of new Set([low, Math.min(Math.max(0, low), high), high])) pen.fillRect(MARGIN, Math.round(y(value)), width, 1);
     this.lines.forEach(({ take, values }, index) => {
-      const x = (step) => MARGIN + ((step + 1) / take.hz) * this.scale;
+      const x = (step) => MARGIN + take.endOf(step) * this.scale;
       pen.strokeStyle = pen.fillStyle = colours.takes[index];
       pen.lineWidth = 1.5;
       pen.setLineDash(DASHES[index]);

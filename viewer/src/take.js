@@ -16,6 +16,8 @@ export class Take {
     this.rig = String(take.rig ?? '');
     this.mode = String(take.mode ?? '');
     this.hz = take.control_hz > 0 ? take.control_hz : 20;
+    /** How much earlier than written the player plays, s: control steps are earlier by this. */
+    this.early = take.early_secs > 0 ? take.early_secs : 0;
     this.bars = list(take.bar_secs);
     this.joints = list(take.joints);
     this.scene = { bodies: list(take.scene?.bodies), geoms: list(take.scene?.geoms) };
@@ -35,7 +37,7 @@ export class Take {
     this.marks = list(take.marks);
     this.steps = Math.max(this.positions.length, this.due.length, this.pressed.length);
     const notes = list(take.notes);
-    this.duration = Math.max(this.steps / this.hz, ...notes.map((note) => note.end ?? note.start));
+    this.duration = Math.max(this.steps / this.hz - this.early, ...notes.map((note) => note.end ?? note.start));
     const dueNotes = list(take.due_notes);
     /** The stroke of each due note: `{note, right}` with an index of `notes`, or null. */
     this.matches = dueNotes.map((_, index) => list(take.matches)[index] ?? null);
@@ -50,9 +52,19 @@ export class Take {
     this.remarks = remarks(take, this);
   }
 
+  /** The control step that ends at a time, with its fraction; −1 at the beginning of the first. */
+  stepAt(secs) {
+    return (secs + this.early) * this.hz - 1;
+  }
+
+  /** When a control step ends. */
+  endOf(step) {
+    return (step + 1) / this.hz - this.early;
+  }
+
   /** The last control step that has ended at a time; −1 before the first. */
   stepBefore(secs) {
-    return Math.min(Math.floor(secs * this.hz + 1e-6) - 1, this.steps - 1);
+    return Math.min(Math.floor(this.stepAt(secs) + 1e-6), this.steps - 1);
   }
 
   /**
@@ -61,7 +73,7 @@ export class Take {
   positionsAt(secs, out) {
     const last = this.positions.length - 1;
     if (last < 0) return out.fill(0);
-    const place = Math.min(Math.max(secs * this.hz - 1, this.start ? -1 : 0), last);
+    const place = Math.min(Math.max(this.stepAt(secs), this.start ? -1 : 0), last);
     const index = Math.floor(place);
     const u = place - index;
     const row = (i) => this.positions[Math.min(Math.max(i, 0), last)];
@@ -77,7 +89,7 @@ export class Take {
   /** Points of the arm at a time: x, y and z of each in a row. */
   armAt(secs) {
     const { points } = this.arm;
-    const place = Math.min(Math.max(secs * this.hz - 1, 0), points.length - 1);
+    const place = Math.min(Math.max(this.stepAt(secs), 0), points.length - 1);
     const [from, to] = [points[Math.floor(place)], points[Math.ceil(place)]];
     return from.map((value, index) => value + (place % 1) * (to[index] - value));
   }

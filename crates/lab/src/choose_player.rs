@@ -15,7 +15,7 @@ use crate::zero_shot::{SIGHT_READER, predict_zero_shot};
 ///
 /// # Errors
 /// If there are some, and none can be used.
-fn sight_reader() -> anyhow::Result<Option<Pianist>> {
+pub(crate) fn sight_reader() -> anyhow::Result<Option<Pianist>> {
     // Another generator of melodies has other notes under the same configuration.
     let evaluated_on = |pianist: &Pianist| (pianist.config.corpus.clone(), pianist.claimed_due);
     let shipped = shipped_policy(SIGHT_READER).and_then(|path| open(&path).ok());

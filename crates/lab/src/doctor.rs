@@ -31,6 +31,7 @@ pub fn examine() -> Vec<Finding> {
     vec![
         always("étude", format!("{} for {}", env!("CARGO_PKG_VERSION"), std::env::consts::ARCH)),
         always("mujoco", format!("{} from {}", etude_stage::mujoco_version(), loaded_library())),
+        always("arms", format!("tried with firmware {}, emulated", etude_robot::xarm::tried_firmware())),
         always("cores", format!("{cores}, using {}", cpu_features())),
         optional(
             "gl",

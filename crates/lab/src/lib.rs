@@ -28,6 +28,7 @@ mod run;
 mod song_planner;
 mod training_progress;
 mod warm_start;
+mod within_limits;
 mod zero_shot;
 
 pub use adapt::{AdaptConfig, AdaptRun, AdaptStep, Adapted, adapt_on_robot, adapted_before};
@@ -55,4 +56,5 @@ pub use run::{Run, find_song};
 pub use song_planner::SongPlanner;
 pub use training_progress::TrainingProgress;
 pub use warm_start::beginning_with;
+pub use within_limits::{Remedy, TooFast, too_fast};
 pub use zero_shot::{Arrangement, SIGHT_READER, ZeroShot, cannot_be_played, easier, predict_zero_shot};

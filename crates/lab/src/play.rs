@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::bail;
 use etude_music::sound::{self, SoundFont};
-use etude_music::{CONTROL_HZ, Song};
+use etude_music::{CONTROL_HZ, Note, Song};
 use etude_perform::{
     DueNote, Ending, Header, Job, Performance, RecordingWriter, Scores, SimRig, perform, write_frames_csv,
 };
@@ -169,8 +169,9 @@ pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),
         late_secs: config.as_ref().map(|_| piece.late_secs()),
-        due_notes: piece.notes().iter().map(|note| DueNote::from(*note)).collect(),
-        bar_secs: piece.bars().to_vec(),
+        latency_compensation_secs: piece.latency_compensation_secs(),
+        due_notes: piece.notes().iter().map(|note| DueNote::from(piece.as_written(*note))).collect(),
+        bar_secs: piece.bars().iter().map(|secs| secs - piece.latency_compensation_secs()).collect(),
         run: Some(serde_json::to_value(&pianist.config).expect("a configuration is plain data")),
         rig_config: config,
         ..Header::default()
@@ -179,7 +180,8 @@ pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option
 
 /// Writes what should be played as sound.
 pub(crate) fn write_reference(path: &Path, piece: &Piece, font: Option<&SoundFont>) -> anyhow::Result<()> {
-    Ok(sound::write_wav(path, &sound::render(piece.notes(), font)?)?)
+    let notes: Vec<Note> = piece.notes().iter().map(|note| piece.as_written(*note)).collect();
+    Ok(sound::write_wav(path, &sound::render(&notes, font)?)?)
 }
 
 /// Writes what was played as MIDI, as sound and as a table of keys.
@@ -188,7 +190,8 @@ pub(crate) fn write_performance(
     performance: &Performance,
     font: Option<&SoundFont>,
 ) -> anyhow::Result<()> {
-    let (notes, piece) = (performance.notes(), &performance.piece);
+    let piece = &performance.piece;
+    let notes: Vec<Note> = performance.notes().into_iter().map(|note| piece.as_written(note)).collect();
     sound::write_wav(&files.wav, &sound::render(&notes, font)?)?;
     Song::new(piece.title(), notes, performance.secs())?.save(&files.midi)?;
     Ok(write_frames_csv(&files.frames, piece.frames(), Some(&performance.keys_heard()))?)

@@ -26,6 +26,10 @@ const SCHEMA: &str = "etude-policy-2";
 const ROWS: usize = 16;
 /// Maximum number of columns that an observation or an action may have in a file.
 const MAX_COLUMNS: usize = 1 << 20;
+/// Largest weight that training can lead to. Those of the shipped policies are below 4.
+const MAX_WEIGHT: f32 = 1e4;
+/// Values of the observations for which an action must be a number before the policy plays.
+const PROBES: [f32; 2] = [0.0, 1.0];
 
 /// The header of a policy file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -168,7 +172,29 @@ impl Policy {
         }
         let mut parameters = network.parameters();
         find_tensors(&network.parameter_layout, "actor", &|name| file.floats(name), &mut parameters)?;
-        Ok(Self { header, parameters, inference: ActorInference::new(&network, ROWS) })
+        let mut policy = Self { header, parameters, inference: ActorInference::new(&network, ROWS) };
+        policy.check_numbers()?;
+        Ok(policy)
+    }
+
+    /// Refuses weights that no training leads to, and actions that are no number: a robot that is
+    /// playing is the wrong place to find out.
+    fn check_numbers(&mut self) -> Result<(), String> {
+        const REMEDY: &str = "it is damaged or was changed; train it again, or name another policy";
+        if let Some(weight) = self.parameters.iter().find(|weight| weight.abs() > MAX_WEIGHT) {
+            return Err(format!("it holds the weight {weight:e}, and none is above {MAX_WEIGHT}: {REMEDY}"));
+        }
+        for probe in PROBES {
+            let observation = vec![probe; self.header.layout.len()];
+            let mut action = vec![0.0; self.header.action_len];
+            self.act(&observation, &mut action);
+            if action.iter().any(|value| !value.is_finite()) {
+                return Err(format!(
+                    "its action is not a number where every observation is {probe}: {REMEDY}"
+                ));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -217,8 +243,29 @@ mod tests {
         let mut wrong = policy();
         wrong.parameters[0] = f32::NAN;
         assert!(Policy::from_bytes(&wrong.to_bytes().unwrap()).unwrap_err().contains("finite"));
+        let mut wrong = policy();
+        wrong.parameters.iter_mut().for_each(|weight| *weight *= 1e30);
+        let refused = Policy::from_bytes(&wrong.to_bytes().unwrap()).unwrap_err();
+        assert!(refused.contains("e29") && refused.contains("train it again"), "{refused}");
         let error = Policy::load(Path::new("/nowhere/policy.safetensors")).unwrap_err().to_string();
         assert!(error.contains("/nowhere/policy.safetensors"), "{error}");
+    }
+
+    /// Each weight is one that training might lead to, and their product is none.
+    #[test]
+    fn a_policy_whose_action_is_not_a_number_is_refused() {
+        let layout = ObservationLayout { real: 3, binary: 5 };
+        let network = Network::new(actor_shape(layout, 2, &[8; 16]));
+        let mut parameters = network.parameters();
+        for (index, weight) in parameters.iter_mut().enumerate() {
+            *weight = if index % 3 == 0 { -MAX_WEIGHT } else { MAX_WEIGHT };
+        }
+        let wrong = Policy::new(&network, &parameters, serde_json::Value::Null);
+        let refused = Policy::from_bytes(&wrong.to_bytes().unwrap()).unwrap_err();
+        assert!(
+            refused.contains("its action is not a number") && refused.contains("another policy"),
+            "{refused}"
+        );
     }
 
     proptest! {

@@ -96,6 +96,11 @@ pub struct Header {
     /// time after its end, s. `None` in a simulation, where it is those that sound at its end, and
     /// without a song.
     pub late_secs: Option<f64>,
+    /// How much earlier than written the player plays, s. A time of a note, in `due_notes`,
+    /// `bar_secs` and `/key`, is the written one after the initial silence: the time of the control
+    /// steps, and of every message, less this.
+    #[serde(default)]
+    pub latency_compensation_secs: f64,
     /// The notes that are due.
     pub due_notes: Vec<DueNote>,
     /// Times of the score's bar lines, s.
@@ -111,7 +116,7 @@ pub struct Header {
     pub rig_config: Option<RigConfig>,
 }
 
-/// A note that is due. Times in s from the beginning of the recording.
+/// A note that is due. Times in s, as written after the initial silence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DueNote {
     /// MIDI number.
@@ -158,7 +163,7 @@ pub struct StepMessage {
 /// A key was struck or released.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct KeyMessage {
-    /// Time since the start, s.
+    /// When, s, on the axis of the notes that are due ([`Header::latency_compensation_secs`]).
     pub secs: f64,
     /// MIDI number.
     pub pitch: u8,

@@ -49,7 +49,9 @@ impl<'a> Recorder<'a> {
             self.events.push(event);
         }
         let KeyEvent { secs, key, velocity } = event;
-        self.write(secs, || KeyMessage { secs, pitch: LOWEST_PITCH + key as u8, velocity })
+        let early_secs = self.writer.as_ref().map_or(0.0, |writer| writer.latency_compensation_secs);
+        let pitch = LOWEST_PITCH + key as u8;
+        self.write(secs, || KeyMessage { secs: secs - early_secs, pitch, velocity })
     }
 
     /// Writes a message at `secs`. `message` is called only if there is a recording.

@@ -214,7 +214,7 @@ impl Rig for RobotRig<'_> {
             timing: std::mem::take(&mut self.timing),
             clamped: self.robot.clamped() - self.clamped_before,
             lost_records: self.robot.lost_records(),
-            warnings: self.robot.warnings().collect(),
+            warnings: self.robot.warnings(),
             tracking: std::mem::take(&mut self.tracking),
         });
         Ok(())

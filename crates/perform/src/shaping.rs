@@ -58,7 +58,11 @@ impl Shaping {
 /// Parameters of simulated joints with the low-pass and reference that shape a rig's commands: the
 /// start values of a fit to a robot.
 pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
-    let mut params = PhysicalParams::default();
+    within_limits(PhysicalParams::default(), limits)
+}
+
+/// The same parameters with joints that keep the limits of a rig.
+pub fn within_limits(mut params: PhysicalParams, limits: &LimitsConfig) -> PhysicalParams {
     for joint in 0..DRIVEN_JOINTS {
         let limits_of_joint = if joint == RAIL {
             [limits.rail_velocity, limits.rail_acceleration, limits.rail_jerk]

@@ -74,6 +74,8 @@ pub struct RecordingWriter {
     sequence: u32,
     /// Time on the robot's clock at which the performance began, s.
     pub(crate) begun_secs: f64,
+    /// [`Header::latency_compensation_secs`].
+    pub(crate) latency_compensation_secs: f64,
     /// Times of the performance and of the robot's clock when a chunk was written last.
     flushed_secs: [f64; 2],
     /// `None` once the file is complete.
@@ -110,6 +112,7 @@ impl RecordingWriter {
             channels,
             sequence: 0,
             begun_secs: 0.0,
+            latency_compensation_secs: header.latency_compensation_secs,
             flushed_secs: [0.0; 2],
             lines: Some(lines),
             thread: Some(thread),
@@ -257,23 +260,7 @@ fn take_whole(writer: &mut McapFile, pending: &Pending, len: u64) -> mcap::McapR
 }
 
 #[cfg(test)]
-impl RecordingWriter {
-    /// A writer whose disk hangs. The function frees it, and ends when the writer does.
-    pub(crate) fn stuck() -> (Self, impl FnOnce() + Send) {
-        let (lines, waiting) = sync_channel(1);
-        let writer = Self {
-            path: PathBuf::new(),
-            channels: topics().into_iter().zip(1..).map(|((topic, ..), id)| (topic, id)).collect(),
-            sequence: 0,
-            begun_secs: 0.0,
-            flushed_secs: [0.0; 2],
-            lines: Some(lines),
-            thread: None,
-            failed: Arc::default(),
-        };
-        (writer, move || waiting.iter().for_each(drop))
-    }
-}
+mod stuck;
 
 #[cfg(test)]
 mod tests {

@@ -44,6 +44,13 @@ pub enum HandGuidingError {
     Unguarded,
 }
 
+impl HandGuidingError {
+    /// Whether no arm was ever reached, so that nothing is to be stopped.
+    pub fn is_unreached(&self) -> bool {
+        matches!(self, Self::Link(error) if error.is_unreached()) || matches!(self, Self::Config(_))
+    }
+}
+
 /// Where an arm was left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GuidedPose {

@@ -154,12 +154,21 @@ impl Piece {
         (self.latency_compensation_secs - 0.5 / CONTROL_HZ).max(0.0)
     }
 
+    /// A note at a time of the control steps, at the time that is written for it: earlier by the
+    /// latency compensation. Every note that people see or hear is on this axis.
+    pub fn as_written(&self, note: Note) -> Note {
+        let [start_secs, end_secs] =
+            [note.start_secs, note.end_secs].map(|secs| (secs - self.latency_compensation_secs).max(0.0));
+        Note { start_secs, end_secs, ..note }
+    }
+
     /// Times of the bar lines, with the initial silence, s.
     pub fn bars(&self) -> &[f64] {
         &self.bars
     }
 
-    /// The notes that are due, with times that include the initial silence.
+    /// The notes that are due, with times of the control steps: they include the initial silence
+    /// and the latency compensation.
     pub fn notes(&self) -> &[Note] {
         &self.notes
     }

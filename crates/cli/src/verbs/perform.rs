@@ -1,16 +1,17 @@
 //! `etude perform`: play a song on a robot, or on its twin.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use etude_lab::{
-    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotRun, RobotStep, find_song, play_on_robot,
-    readable, set_latency_compensation, slug,
+    CorrectionFile, MeanNotes, Remedy, RobotPlay, RobotReport, RobotRun, RobotStep, TooFast, find_song,
+    play_on_robot, readable, set_latency_compensation, slug, too_fast,
 };
 use etude_music::KeyScheduleRule;
 use etude_music::sound::SoundFont;
 use etude_perform::session::{RigChoice, rig_choice};
-use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
+use etude_perform::{Ending as Played, Job, Mode, NoteCounts, shell_line};
 use etude_twin::OrderedFault;
 
 use super::play::note_summary;
@@ -106,6 +107,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         None => args.pianist.load(&args.song, &song, &mut planner)?,
     };
     let mode = mode(args.mode, learned.as_ref())?;
+    let is_named = args.pianist.policy.is_some() || args.pianist.scripted || learned.is_some();
+    if let Some(found) = too_fast(&song, &pianist, is_named, &rig.config().limits, &mut planner)? {
+        note(format!("warning: {}", slower(&args, &found)));
+    }
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(folder_name(&args, mode, &rig)));
     let home = args.home || rig.is_twin();
@@ -123,17 +128,17 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     };
     let stop = stop_flag()?;
     let quiet = args.json;
-    let mut tell = |step: &RobotStep| {
-        if quiet {
-            return;
+    // Each once: before the robot plays, or at the end.
+    let mut warned = BTreeSet::new();
+    let mut tell = |step: &RobotStep| match step {
+        RobotStep::Warning(warning) if warned.insert(warning.clone()) => note(format!("warning: {warning}")),
+        RobotStep::Warning(_) => {}
+        _ if quiet => {}
+        RobotStep::LagMeasured { run, latency_compensation_secs } => {
+            note(lag_measured(run, *latency_compensation_secs));
         }
-        match step {
-            RobotStep::LagMeasured { run, latency_compensation_secs } => {
-                note(lag_measured(run, *latency_compensation_secs));
-            }
-            RobotStep::RunEnded { index, run } => {
-                note(format!("run {}: {}, {}", index + 1, run_summary(run), run.ending));
-            }
+        RobotStep::RunEnded { index, run } => {
+            note(format!("run {}: {}, {}", index + 1, run_summary(run), run.ending));
         }
     };
     let report = play_on_robot(&play, Some(&folder), &mut planner, &mut Job::new(&mut tell, &stop))?;
@@ -142,9 +147,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     } else {
         print(&report, f1_name(pianist.config.task.key_schedule.rule))?;
     }
-    let mut warnings: Vec<&String> = report.runs.iter().flat_map(|run| &run.warnings).collect();
-    warnings.dedup();
-    warnings.iter().for_each(|warning| note(format!("warning: {warning}")));
+    let warnings = report.runs.iter().flat_map(|run| &run.warnings);
+    for warning in warnings.filter(|warning| warned.insert((*warning).clone())) {
+        note(format!("warning: {warning}"));
+    }
     if let Some(why) = &report.not_played {
         anyhow::bail!(
             "run {} was not played: {why}; the report has the runs before it",
@@ -161,6 +167,46 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             Ok(Ending::Stopped)
         }
     }
+}
+
+/// What to do about a song that is too fast for the rig.
+fn slower(args: &Args, found: &TooFast) -> String {
+    let TooFast { notes_right, notes_due, lowered, remedy } = found;
+    let why = format!(
+        "within this rig's limits the simulation plays {notes_right} of {notes_due} notes right ({})",
+        lowered.join(", ")
+    );
+    let (factor, right) = match remedy {
+        Remedy::Slower(factor, right) => (factor, right),
+        Remedy::Raise(group, right) => {
+            return format!(
+                "{why}, and no slower tempo helps; with the default limits of the {group} it plays {right}: \
+                 leave them out of {}",
+                args.robot
+            );
+        }
+        Remedy::Nothing => {
+            return format!("{why}, and no slower tempo helps: raise these limits in {}", args.robot);
+        }
+    };
+    let stem = Path::new(&args.song).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let file = format!("{stem}-x{factor}.mid");
+    let factor_text = factor.to_string();
+    let mut arrange = vec!["etude", "songs", "arrange", &args.song, "--stretch", &factor_text, "-o", &file];
+    arrange.extend(args.keep_silence.then_some("--keep-silence"));
+    let mut play = vec!["etude".to_string(), "perform".to_string(), file.clone()];
+    play.extend(["--robot".to_string(), args.robot.clone()]);
+    play.extend(args.mode.iter().flat_map(|mode| ["--mode".to_string(), mode.to_string()]));
+    play.extend(args.home.then(|| "--home".to_string()));
+    play.extend(args.pianist.scripted.then(|| "--scripted".to_string()));
+    let policy = args.pianist.policy.iter().map(|policy| policy.display().to_string());
+    play.extend(policy.flat_map(|policy| ["--policy".to_string(), policy]));
+    play.extend(args.pianist.overrides.iter().flat_map(|change| ["--set".to_string(), change.clone()]));
+    format!(
+        "{why}; {factor} times slower it plays {right}: `{}`, then `{}`",
+        shell_line(arrange.into_iter().map(str::to_string)),
+        shell_line(play)
+    )
 }
 
 /// Name of the folder of a performance, if none is given: song and mode, and what differs from the

@@ -238,6 +238,7 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
         RehearsalStep::Playing(iteration, RobotStep::LagMeasured { run, latency_compensation_secs }) => {
             status.done(&format!("iteration {iteration}: {}", lag_measured(run, *latency_compensation_secs)));
         }
+        RehearsalStep::Playing(_, RobotStep::Warning(warning)) => status.done(&format!("warning: {warning}")),
         RehearsalStep::Iteration(iteration) => status.done(&iteration_summary(iteration)),
     }
 }
@@ -265,6 +266,7 @@ fn show_adapting(status: &mut Status, step: &AdaptStep, runs: usize) {
         AdaptStep::Performing(RobotStep::RunEnded { index, run }) => {
             show_run(status, "adapted", index + 1, runs, run);
         }
+        AdaptStep::Performing(RobotStep::Warning(warning)) => status.done(&format!("warning: {warning}")),
         // The lag is known by then.
         AdaptStep::Performing(RobotStep::LagMeasured { .. }) => {}
     }

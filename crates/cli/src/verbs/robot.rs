@@ -176,7 +176,11 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     // Only who guides the arm by hand presses Enter.
     let entered = if args.by_hand { enter(&interrupt) } else { channel().1 };
     let mut operator = Operator { guard, claim, entered, interrupt };
-    let shown = read_pose(&rig, args.by_hand, &mut operator)?;
+    let shown = read_pose(&rig, args.by_hand, &mut operator).inspect_err(|error| {
+        if error.is_unreached() {
+            operator.guard.farewell();
+        }
+    })?;
     // The arm has confirmed that it is at rest.
     operator.guard.farewell();
     if operator.interrupt.load(Ordering::Relaxed) {

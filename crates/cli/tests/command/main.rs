@@ -32,6 +32,7 @@ mod stopping;
 mod tour;
 mod training;
 mod typing;
+mod unreached;
 mod watch;
 mod words;
 mod worlds;

@@ -4,7 +4,8 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::Command;
 
-use etude_music::Song;
+use etude_music::metrics::note_scores;
+use etude_music::{Note, Song, repertoire};
 use etude_perform::Recording;
 
 use crate::{Sandbox, csv, errors, root, shipped, succeed};
@@ -124,6 +125,33 @@ pub(crate) fn read_elsewhere(script: &str, files: &[PathBuf]) -> Option<String> 
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{said}{}", errors(&output));
     Some(said)
+}
+
+/// The written time after the initial silence, in the recording, in the MIDI file, and in what
+/// `compare` prints; so another reader of the MIDI file counts as the report does.
+#[test]
+fn a_note_has_one_time_in_every_file() {
+    let sandbox = Sandbox::new();
+    let report = sandbox.json("play twinkle -o out --json");
+    let song = repertoire::get("twinkle").unwrap();
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-4, "{a} s and {b} s");
+
+    let header = Recording::read(&sandbox.path("out/1/recording.mcap")).unwrap().header;
+    let due: Vec<Note> = header.due_notes.iter().map(|note| Note::from(*note)).collect();
+    assert_eq!(due.len(), song.notes().len());
+    due.iter().zip(song.notes()).for_each(|(due, written)| near(due.start_secs, written.start_secs + 1.0));
+
+    let played = Song::load(sandbox.path("out/1/performance.mid")).unwrap();
+    assert_eq!(note_scores(&due, played.notes()).matched, report["matched"].as_u64().unwrap() as usize);
+    let compared = sandbox.json("compare out out --json");
+    let notes = compared["notes"].as_array().unwrap();
+    assert_eq!(notes.len(), due.len());
+    for ((note, due), played) in notes.iter().zip(&due).zip(played.notes()) {
+        near(note["due_secs"].as_f64().unwrap(), due.start_secs);
+        let late_secs = note["played"][0]["onset_error_secs"].as_f64().unwrap();
+        near(due.start_secs + late_secs, played.start_secs);
+    }
+    check_elsewhere("check_midi.py", &[sandbox.path("out/latest")]);
 }
 
 /// What the score says is also what another program hears.

@@ -37,6 +37,7 @@ fn every_mode_plays_on_the_twin() {
         assert!(recording.setpoints.len() > 10 * steps && recording.hand.len() > 16 * steps);
         assert!(recording.notes.iter().any(|(_, note)| note.text == "following"));
         check_elsewhere("check_robot_recording.py", &[sandbox.path(mode).join("latest")]);
+        check_elsewhere("check_midi.py", &[sandbox.path(mode).join("latest")]);
     }
 }
 
@@ -285,4 +286,24 @@ fn a_shifted_keyboard_is_named() {
         let is_noted = recording.notes.iter().any(|(_, note)| note.kind == "warning");
         assert!(is_noted || semitones == 12, "{:?}", recording.notes);
     }
+}
+
+/// Before any device is opened. What is advised is typed as it is printed.
+#[test]
+fn a_song_that_is_too_fast_for_the_rigs_limits_is_named_before_the_start() {
+    let sandbox = Sandbox::new();
+    let rig = "name = \"slow\"\n[wires]\ncan = \"bus:nowhere\"\narm = \"127.0.0.1:1:1\"\n[limits]\nrail_velocity = 0.05\n";
+    std::fs::write(sandbox.path("slow.toml"), rig).unwrap();
+    let said = |line: &str| errors(&sandbox.command(line).output().unwrap());
+    let warning = said("perform twinkle --robot slow.toml --home -o p");
+    assert!(
+        warning.contains("of 14 notes right (limits.rail_velocity = 0.05 (0.8 by default))"),
+        "{warning}"
+    );
+    let advised: Vec<&str> = warning.split('`').filter_map(|part| part.strip_prefix("etude ")).collect();
+    let [arrange, play] = advised[..2] else { panic!("{warning}") };
+    assert!(arrange.contains("--stretch") && play.contains("--robot slow.toml --home"), "{warning}");
+    sandbox.ok(arrange);
+    let again = said(&format!("{play} -o q"));
+    assert!(!again.contains("notes right") && again.contains("calibration"), "{again}");
 }

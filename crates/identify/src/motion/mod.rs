@@ -131,12 +131,14 @@ impl Motion {
         let keys: Vec<KeyEvent> = recording
             .keys
             .iter()
-            // After the last command the hand was released.
-            .filter(|event| event.secs <= secs)
             .filter_map(|event| {
                 let key = usize::from(event.pitch.checked_sub(LOWEST_PITCH)?);
-                (key < KEY_COUNT).then_some(KeyEvent { secs: event.secs, key, velocity: event.velocity })
+                // By the clock of the commands.
+                let secs = event.secs + header.latency_compensation_secs;
+                (key < KEY_COUNT).then_some(KeyEvent { secs, key, velocity: event.velocity })
             })
+            // After the last command the hand was released.
+            .filter(|event| event.secs <= secs)
             .collect();
         if header.activity == Activity::Excitation(Excitation::Keys) && keys.is_empty() {
             return Err("no key sounded in it: check that the keyboard is on, in its position, and the one that the rig's file names, \

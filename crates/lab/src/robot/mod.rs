@@ -3,7 +3,6 @@
 mod report;
 
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 use anyhow::bail;
 use etude_music::Song;
@@ -69,6 +68,8 @@ impl<'a> RobotPlay<'a> {
 /// Progress of a performance on a robot.
 #[derive(Clone, Debug)]
 pub enum RobotStep {
+    /// Something that the operator should know before the robot plays.
+    Warning(String),
     /// A run before the others has measured how late the notes are.
     LagMeasured {
         /// Its result.
@@ -158,7 +159,13 @@ fn play_on_time(
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
     let once = RobotPlay { runs: 1, seed: play.seed.wrapping_add(play.runs as u64), ..play.clone() };
-    let measured = play_runs(&once, piece, folder, planner, &mut Job::new(&mut |_| {}, job.interrupt()))?;
+    let interrupt = job.interrupt();
+    let mut tell = |step: &RobotStep| {
+        if matches!(step, RobotStep::Warning(_)) {
+            job.report(step);
+        }
+    };
+    let measured = play_runs(&once, piece, folder, planner, &mut Job::new(&mut tell, interrupt))?;
     let run = &measured.runs[0];
     if run.ending != Ending::Complete {
         job.report(&RobotStep::RunEnded { index: 0, run: Box::new(run.clone()) });
@@ -202,7 +209,7 @@ fn play_runs(
     };
     let (mut runs, mut not_played): (Vec<RobotRun>, _) = (Vec::new(), None);
     for index in 0..play.runs {
-        let run = match play_run(play, index, piece, &header, &start, folder, planner, job.interrupt()) {
+        let run = match play_run(play, index, piece, &header, &start, folder, planner, job) {
             Ok(Some(run)) => run,
             Ok(None) => break,
             Err(error) if runs.is_empty() => return Err(error),
@@ -262,7 +269,7 @@ fn play_run(
     start: &[f64; DRIVEN_JOINTS],
     folder: Option<&Path>,
     planner: &mut SongPlanner<'_>,
-    interrupt: &AtomicBool,
+    job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<Option<RobotRun>> {
     let RobotPlay { pianist, rig, font, .. } = *play;
     let files = folder.map(|folder| {
@@ -274,7 +281,7 @@ fn play_run(
     let mut writer =
         files.as_ref().map(|files| RecordingWriter::create(&files.recording, header)).transpose()?;
     let mut session = rig.open(pianist.config.task.stage.side, play.seed.wrapping_add(index as u64))?;
-    let played = one_run(&mut session, play, piece, start, writer.as_mut(), planner, interrupt);
+    let played = one_run(&mut session, play, piece, start, writer.as_mut(), planner, job);
     let performance = match played {
         // What was played is kept even if the robot does not confirm that it was released.
         Ok(performance) => Ok(Some(after_release(performance, session.let_go()))),
@@ -319,15 +326,18 @@ fn one_run(
     start: &[f64; DRIVEN_JOINTS],
     mut writer: Option<&mut RecordingWriter>,
     planner: &mut SongPlanner<'_>,
-    interrupt: &AtomicBool,
+    job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<Performance> {
-    let pianist = play.pianist;
+    let (pianist, interrupt) = (play.pianist, job.interrupt());
     let task = &pianist.config.task;
     // What takes long comes before the robot has power.
     let simulation = play.mode.simulation(task, &session.robot.config().limits)?;
     let mut ready = pianist.ready(task, piece, planner.on_progress())?;
     let Session { robot, pace } = session;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
+    for warning in robot.warnings() {
+        job.report(&RobotStep::Warning(warning));
+    }
     let mut rig =
         play.mode.rig(simulation, RobotRig::new(robot, pace, start).corrected(play.correction.as_ref()));
     Ok(perform(&mut *rig, &mut ready, task, piece, writer, interrupt)?)

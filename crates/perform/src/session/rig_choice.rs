@@ -127,8 +127,9 @@ impl RigChoice {
                     return Err(SessionError::Stopped);
                 }
                 let wires = OpenWires::open(&rig.wires)?;
-                let guard = start_guard(path, &rig.wires)?;
                 let worker = Worker::start()?;
+                // Last of all: it acts if it is not told that all is well.
+                let guard = start_guard(path, &rig.wires)?;
                 let warm = WarmFile::new(&rig.wires);
                 let live = Live::new(wires, guard, claim.clone(), warm, worker, &mut robot);
                 Ok(Session { robot, pace: SessionPace::Live(Box::new(live)) })

@@ -109,7 +109,9 @@ impl Session {
         Ok(fault.or_else(astray))
     }
 
-    /// Releases the hand, stops the arm, and waits until both have confirmed it.
+    /// Releases the hand, stops the arm, and waits until both have confirmed it. One that has never
+    /// answered was never given power: there is nothing to confirm, and nothing for the guard to
+    /// do.
     ///
     /// # Errors
     /// If they do not: what the operator must do. The guard then tries again.
@@ -119,9 +121,11 @@ impl Session {
         loop {
             let now = self.pace.now();
             self.pace.run_until(&mut self.robot, now + Duration::from_millis(10));
-            let reported = self.robot.arm().joints_at().is_some_and(|at| at > begun);
-            let arm = reported && self.robot.arm().report().is_some_and(|report| report.state == STOPPED);
-            let hand = self.robot.hand().has_confirmed_release();
+            let (arm, hand) = (self.robot.arm(), self.robot.hand());
+            let reported = arm.joints_at().is_some_and(|at| at > begun);
+            let stands = reported && arm.report().is_some_and(|report| report.state == STOPPED);
+            let arm = stands || arm.version().is_none() && arm.report().is_none();
+            let hand = hand.has_confirmed_release() || !hand.was_reached();
             if arm && hand {
                 return Ok(());
             }

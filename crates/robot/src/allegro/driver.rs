@@ -53,6 +53,8 @@ pub struct Hand {
     confirmed: bool,
     /// When the last torque other than zero was sent.
     driven: Option<Duration>,
+    /// Whether it has ever answered. Its servo is switched on only after that.
+    reached: bool,
 }
 
 impl Hand {
@@ -73,6 +75,7 @@ impl Hand {
             released: false,
             confirmed: false,
             driven: None,
+            reached: false,
         })
     }
 
@@ -92,6 +95,7 @@ impl Hand {
     /// Takes a frame that arrived at `now`. Frames of other devices and damaged frames are ignored.
     pub fn receive(&mut self, now: Duration, frame: &CanFrame) -> HandEvent {
         let message = HandMessage::decode(self.config.device_id, frame);
+        self.reached |= message.is_some();
         if let Some(HandMessage::Information(information)) = message {
             let is_released = self.released || self.state == HandState::Stopped;
             self.confirmed |= is_released && !information.status.servo_on();
@@ -196,6 +200,11 @@ impl Hand {
     /// Whether the hand has reported, since it was released last, that its servo is off.
     pub fn has_confirmed_release(&self) -> bool {
         self.confirmed
+    }
+
+    /// Whether it has ever answered. One that has not was never switched on by this driver.
+    pub fn was_reached(&self) -> bool {
+        self.reached
     }
 
     /// The state of the driver.

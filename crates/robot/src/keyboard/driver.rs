@@ -22,6 +22,9 @@ use super::{
     shift::{Shift, ShiftWatch},
 };
 
+/// Channels of a MIDI stream.
+const CHANNELS: usize = 16;
+
 /// A key went down or came up.
 ///
 /// Presses and releases of one key always alternate, even if the stream was damaged.
@@ -102,6 +105,17 @@ pub enum KeyboardWarning {
         /// How many since the last acknowledgement.
         events: u64,
     },
+    /// Notes on other channels than the first one: a second keyboard plays into the port. They
+    /// count, because nothing says which of the two the robot plays, and a key that is down must
+    /// hold the rail back.
+    OtherChannels {
+        /// Channel of the first note since the last acknowledgement, 0 to 15.
+        first: u8,
+        /// The other channels: bit `c` is channel `c`.
+        others: u16,
+        /// Notes on them.
+        notes: u64,
+    },
 }
 
 impl KeyboardWarning {
@@ -110,6 +124,9 @@ impl KeyboardWarning {
         match (self, other) {
             (Self::Damaged { .. }, Self::Damaged { .. }) | (Self::Unpaired { .. }, Self::Unpaired { .. }) => {
                 true
+            }
+            (Self::OtherChannels { others, .. }, Self::OtherChannels { others: theirs, .. }) => {
+                others == theirs
             }
             _ => self == other,
         }
@@ -140,6 +157,18 @@ impl fmt::Display for KeyboardWarning {
                 "{events} presses or releases do not pair up, so some were lost: check the cable, and that \
                  nothing else plays into this port"
             ),
+            Self::OtherChannels { first, others, notes } => {
+                // People and keyboards count channels from 1.
+                let others = (0..16).filter(|channel| others & (1 << channel) != 0);
+                let others: Vec<String> = others.map(|channel| (channel + 1).to_string()).collect();
+                write!(
+                    f,
+                    "the first note came on MIDI channel {}, and {notes} on channel {}: a second keyboard plays into \
+                     this port, and its notes count as the robot's; unplug it, then play again",
+                    first + 1,
+                    others.join(", ")
+                )
+            }
         }
     }
 }
@@ -174,6 +203,9 @@ pub struct Keyboard {
     unpaired: u64,
     /// Damaged parts of the stream at the last acknowledgement.
     damage_seen: u64,
+    /// Notes on each channel since the last acknowledgement, and the channel of the first.
+    channel_notes: [u64; CHANNELS],
+    first_channel: Option<u8>,
 }
 
 impl Keyboard {
@@ -199,6 +231,8 @@ impl Keyboard {
             stuck: 0,
             unpaired: 0,
             damage_seen: 0,
+            channel_notes: [0; CHANNELS],
+            first_channel: None,
         })
     }
 
@@ -229,7 +263,10 @@ impl Keyboard {
         self.state = KeyboardState::Present;
         for &byte in bytes {
             match self.parser.push(byte) {
-                Some(MidiEvent::NoteOn { note, velocity, .. }) => self.press(now, note, velocity, changes),
+                Some(MidiEvent::NoteOn { channel, note, velocity }) => {
+                    self.count(channel);
+                    self.press(now, note, velocity, changes);
+                }
                 Some(MidiEvent::NoteOff { note, .. }) => self.release(now, note, changes),
                 Some(MidiEvent::ActiveSensing) => self.sensed_at = Some(now),
                 None => {}
@@ -272,13 +309,33 @@ impl Keyboard {
             .chain(stuck.map(|key| KeyboardWarning::Stuck { key }))
             .chain((pieces > 0).then_some(KeyboardWarning::Damaged { pieces }))
             .chain((events > 0).then_some(KeyboardWarning::Unpaired { events }))
+            .chain(self.other_channels())
     }
 
     /// The operator has seen the warnings: they go, and come back only if their cause does.
     pub fn acknowledge(&mut self) {
         (self.unpaired, self.damage_seen) = (0, self.parser.damaged());
         (self.shift, self.stuck) = (None, 0);
+        (self.channel_notes, self.first_channel) = ([0; CHANNELS], None);
         self.shift_watch.restart();
+    }
+
+    /// Counts a note of a channel.
+    fn count(&mut self, channel: u8) {
+        self.first_channel.get_or_insert(channel);
+        if let Some(notes) = self.channel_notes.get_mut(usize::from(channel)) {
+            *notes += 1;
+        }
+    }
+
+    /// The warning of notes on more than one channel.
+    fn other_channels(&self) -> Option<KeyboardWarning> {
+        let first = self.first_channel?;
+        let notes = (0..).zip(self.channel_notes).filter(|(channel, _)| *channel != first);
+        let (others, notes) = notes
+            .filter(|(_, notes)| *notes > 0)
+            .fold((0, 0), |(others, sum), (channel, notes)| (others | 1_u16 << channel, sum + notes));
+        (notes > 0).then_some(KeyboardWarning::OtherChannels { first, others, notes })
     }
 
     fn lose(&mut self, now: Duration, reason: LossReason, changes: &mut Vec<KeyChange>) {

@@ -10,7 +10,7 @@ use crate::allegro::{HandEvent, HandState};
 use crate::can::CanFrame;
 use crate::limiter::Axis;
 use crate::wires::Wires;
-use crate::xarm::ArmState;
+use crate::xarm::{ArmState, untried};
 
 /// Time between two releases of a stopped hand: a frame may be lost, and a failed bus may come
 /// back.
@@ -131,6 +131,9 @@ impl Robot {
                 self.rail_arm.check_serial()?;
                 self.keyboard.check_present()?;
                 self.settle(now)?;
+                if let Some(text) = self.arm().version().and_then(untried) {
+                    self.status.note(now, "warning", text);
+                }
                 self.status.enter(now, Phase::Holding);
             }
             return Ok(());

@@ -11,6 +11,11 @@ use crate::rig_file::RigError;
 use crate::xarm::kinematics::KinematicsError;
 use crate::xarm::{ArmError, ArmFault, ArmLinkError, OutsideFence};
 
+/// What to do about an arm whose connection failed; nothing if none was ever there.
+fn may_move(error: &ArmLinkError) -> &'static str {
+    if error.is_unreached() { "" } else { ". It may still move or hold: use the hardware stop" }
+}
+
 /// Why the robot was stopped. It stays until an operator starts the robot again.
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
@@ -27,7 +32,7 @@ pub enum Fault {
     #[error("hand: {0}. It may still push with its last torque: use the hardware stop")]
     Can(#[from] CanError),
     /// The connection to the arm failed.
-    #[error("arm: {0}. It may still move or hold: use the hardware stop")]
+    #[error("arm: {0}{remedy}", remedy = may_move(.0))]
     ArmLink(#[from] ArmLinkError),
     /// A joint of the hand is not where it was sent.
     #[error(

@@ -65,7 +65,7 @@ use crate::joints::{DRIVEN, from_wire};
 use crate::keyboard::Keyboard;
 use crate::rig_file::{RigConfig, RigError};
 use crate::wires::Wires;
-use crate::xarm::{Arm, ArmFault};
+use crate::xarm::{Arm, ArmFault, untried};
 use axes::driven;
 use following_error::{FollowingError, farthest};
 use homing_plan::check_fence;
@@ -233,11 +233,12 @@ impl Robot {
         &self.keyboard.keyboard
     }
 
-    /// What an operator should know: what the keyboard reports, and a link to the arm that does
-    /// not carry the configured targets.
-    pub fn warnings(&self) -> impl Iterator<Item = String> + '_ {
+    /// What the operator should know of the devices, and what to do.
+    pub fn warnings(&self) -> Vec<String> {
+        let firmware = self.arm().version().and_then(untried);
         let link = self.noted_period.map(|_| format!("arm: {}", self.arm().link_speed()));
-        self.keyboard().warnings().map(|warning| warning.to_string()).chain(link)
+        let keyboard = self.keyboard().warnings().map(|warning| warning.to_string());
+        firmware.into_iter().chain(link).chain(keyboard).collect()
     }
 
     /// The rig that it controls.

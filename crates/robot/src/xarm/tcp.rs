@@ -2,7 +2,7 @@
 
 use std::io::{self, ErrorKind};
 use std::net::{TcpStream, ToSocketAddrs as _};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::stream::{Outbox, read_available};
 
@@ -10,6 +10,9 @@ use crate::stream::{Outbox, read_available};
 const PORTS: (u16, u16) = (502, 30003);
 /// Longest time to connect, as in the official SDK.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
+/// Longest time until the first byte comes. An arm reports a hundred times a second; a firewall or
+/// a proxy takes the connection, and nothing ever comes.
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(3);
 /// Commands that may wait for the network, in bytes. A servo target has 47: more than this has
 /// waited for too long.
 const MAX_UNSENT: usize = 4096;
@@ -33,6 +36,12 @@ pub enum ArmLinkError {
         /// Why not.
         source: io::Error,
     },
+    /// Whatever is there, it is no arm: packets vanish, or nothing is ever said.
+    #[error("nothing answers at {address}: check address, cable, firewall, and that the control box is on")]
+    Silent {
+        /// Where.
+        address: String,
+    },
     /// The connection broke.
     #[error(
         "the connection to the arm broke while {doing}: {source}; check cable and control box, then connect again"
@@ -45,11 +54,59 @@ pub enum ArmLinkError {
     },
 }
 
+impl ArmLinkError {
+    /// Whether no arm was ever reached, so that none was given power.
+    pub fn is_unreached(&self) -> bool {
+        !matches!(self, Self::Broken { .. })
+    }
+}
+
+/// Whether something has ever come from an address.
+#[derive(Debug)]
+struct Listening {
+    address: String,
+    timeout: Duration,
+    /// When it was listened to first; what is done before is no silence.
+    since: Option<Instant>,
+    heard: bool,
+}
+
+impl Listening {
+    fn new(address: &str, timeout: Duration) -> Self {
+        Self { address: address.to_string(), timeout, since: None, heard: false }
+    }
+
+    fn silent(&self) -> ArmLinkError {
+        ArmLinkError::Silent { address: self.address.clone() }
+    }
+
+    /// The error of a connection that broke.
+    fn broken(&self, doing: &'static str, source: io::Error) -> ArmLinkError {
+        if self.heard { ArmLinkError::Broken { doing, source } } else { self.silent() }
+    }
+
+    /// Reads what has come from `stream`.
+    fn read(
+        &mut self,
+        stream: &mut TcpStream,
+        doing: &'static str,
+        bytes: &mut Vec<u8>,
+    ) -> Result<(), ArmLinkError> {
+        let before = bytes.len();
+        let read = read_available(stream, |piece| bytes.extend_from_slice(piece));
+        self.heard |= bytes.len() > before;
+        read.map_err(|source| self.broken(doing, source))?;
+        let silence = self.since.get_or_insert_with(Instant::now).elapsed();
+        if self.heard || silence <= self.timeout { Ok(()) } else { Err(self.silent()) }
+    }
+}
+
 /// The socket for commands alone: enough to stop the arm and to ask whether it stands.
 #[derive(Debug)]
 pub struct ArmCommands {
     stream: TcpStream,
     outbox: Outbox,
+    listening: Listening,
 }
 
 impl ArmCommands {
@@ -58,8 +115,14 @@ impl ArmCommands {
     /// # Errors
     /// If the address cannot be read, or nothing answers there within a second.
     pub fn open(host: &str) -> Result<Self, ArmLinkError> {
+        Self::open_with(host, CONNECT_TIMEOUT, SILENCE_TIMEOUT)
+    }
+
+    /// The same with other time limits, to connect and until the first byte.
+    fn open_with(host: &str, connecting: Duration, silence: Duration) -> Result<Self, ArmLinkError> {
         let (name, (command, _)) = parse(host).ok_or_else(|| ArmLinkError::Address(host.into()))?;
-        Ok(Self { stream: connect(name, command)?, outbox: Outbox::new(MAX_UNSENT) })
+        let listening = Listening::new(&format!("{name} port {command}"), silence);
+        Ok(Self { stream: connect(name, command, connecting)?, outbox: Outbox::new(MAX_UNSENT), listening })
     }
 
     /// Appends what has come. Never waits.
@@ -67,8 +130,7 @@ impl ArmCommands {
     /// # Errors
     /// If the connection is gone.
     pub fn receive(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
-        let broken = |source| ArmLinkError::Broken { doing: "reading replies", source };
-        read_available(&mut self.stream, |piece| bytes.extend_from_slice(piece)).map_err(broken)
+        self.listening.read(&mut self.stream, "reading replies", bytes)
     }
 
     /// Sends `bytes` after what still waits for the network. Never blocks: call it again with no
@@ -77,7 +139,8 @@ impl ArmCommands {
     /// # Errors
     /// If the connection is gone, or the arm does not take commands any more.
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
-        let broken = |source| ArmLinkError::Broken { doing: "sending", source };
+        let listening = &self.listening;
+        let broken = |source| listening.broken("sending", source);
         self.outbox.flush(&mut self.stream).map_err(broken)?;
         if !self.outbox.push(bytes) {
             return Err(broken(ErrorKind::TimedOut.into()));
@@ -102,7 +165,7 @@ impl ArmConnection {
     /// If the address cannot be read, or nothing answers there within a second.
     pub fn open(host: &str) -> Result<Self, ArmLinkError> {
         let (name, (_, report)) = parse(host).ok_or_else(|| ArmLinkError::Address(host.into()))?;
-        Ok(Self { commands: ArmCommands::open(host)?, reports: connect(name, report)? })
+        Ok(Self { commands: ArmCommands::open(host)?, reports: connect(name, report, CONNECT_TIMEOUT)? })
     }
 
     /// Appends what has come from the report port. Never waits.
@@ -110,8 +173,7 @@ impl ArmConnection {
     /// # Errors
     /// If the connection is gone.
     pub fn receive_reports(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
-        let broken = |source| ArmLinkError::Broken { doing: "reading reports", source };
-        read_available(&mut self.reports, |piece| bytes.extend_from_slice(piece)).map_err(broken)
+        self.commands.listening.read(&mut self.reports, "reading reports", bytes)
     }
 }
 
@@ -133,11 +195,11 @@ fn parse(host: &str) -> Option<(&str, (u16, u16))> {
     Some((name, ports))
 }
 
-fn connect(host: &str, port: u16) -> Result<TcpStream, ArmLinkError> {
+fn connect(host: &str, port: u16, timeout: Duration) -> Result<TcpStream, ArmLinkError> {
     let attempt = || {
         let mut last = io::Error::from(ErrorKind::NotFound);
         for address in (host, port).to_socket_addrs()? {
-            match TcpStream::connect_timeout(&address, CONNECT_TIMEOUT) {
+            match TcpStream::connect_timeout(&address, timeout) {
                 Ok(stream) => {
                     stream.set_nodelay(true)?;
                     stream.set_nonblocking(true)?;
@@ -148,11 +210,20 @@ fn connect(host: &str, port: u16) -> Result<TcpStream, ArmLinkError> {
         }
         Err(last)
     };
-    attempt().map_err(|source| ArmLinkError::Connect { host: host.into(), port, source })
+    attempt().map_err(|source| match source.kind() {
+        // Nobody refuses: the packets vanish.
+        ErrorKind::TimedOut | ErrorKind::HostUnreachable | ErrorKind::NetworkUnreachable => {
+            ArmLinkError::Silent { address: format!("{host} port {port}") }
+        }
+        _ => ArmLinkError::Connect { host: host.into(), port, source },
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write as _;
+    use std::net::TcpListener;
+
     use super::*;
 
     #[test]
@@ -163,5 +234,60 @@ mod tests {
             assert_eq!(parse(odd), None, "{odd}");
         }
         assert!(matches!(ArmConnection::open("arm:1"), Err(ArmLinkError::Address(_))));
+    }
+
+    const SHORT: Duration = Duration::from_millis(50);
+
+    /// A connection to `listener` that waits for `silence` for the first byte.
+    fn connected(listener: &TcpListener, silence: Duration) -> Result<ArmCommands, ArmLinkError> {
+        let port = listener.local_addr().unwrap().port();
+        ArmCommands::open_with(&format!("127.0.0.1:{port}:{port}"), SHORT, silence)
+    }
+
+    fn nothing_answers(error: &ArmLinkError) -> bool {
+        let said = error.to_string();
+        error.is_unreached()
+            && said.starts_with("nothing answers at 127.0.0.1 port ")
+            && said.contains("check address, cable, firewall")
+    }
+
+    /// A firewall that drops packets: the queue of a listener that accepts nobody is full.
+    #[test]
+    fn an_address_that_swallows_packets_is_one_where_nothing_answers() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut waiting = Vec::new();
+        let refused = (0..10_000).find_map(|_| match connected(&listener, SHORT) {
+            Ok(taken) => {
+                waiting.push(taken);
+                None
+            }
+            Err(error) => Some(error),
+        });
+        assert!(nothing_answers(&refused.unwrap()));
+    }
+
+    /// A proxy that takes every connection, and one that closes it.
+    #[test]
+    fn a_connection_from_which_nothing_ever_came_did_not_break() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut bytes = Vec::new();
+        let mut failed = |commands: &mut ArmCommands| loop {
+            if let Err(error) = commands.receive(&mut bytes) {
+                return error;
+            }
+        };
+        assert!(nothing_answers(&failed(&mut connected(&listener, SHORT).unwrap())));
+        drop(listener.accept().unwrap());
+        let patient = Duration::from_secs(3600);
+        let mut closed = connected(&listener, patient).unwrap();
+        drop(listener.accept().unwrap());
+        assert!(nothing_answers(&failed(&mut closed)));
+        // One that has spoken broke, and is never too silent.
+        let mut spoken = connected(&listener, Duration::ZERO).unwrap();
+        let mut arm = listener.accept().unwrap().0;
+        arm.write_all(&[1]).unwrap();
+        drop(arm);
+        let broke = failed(&mut spoken);
+        assert!(matches!(broke, ArmLinkError::Broken { .. }) && !broke.is_unreached(), "{broke}");
     }
 }

@@ -115,7 +115,12 @@ impl Bench {
 
     /// The same with another rig.
     pub fn with(rig: &RigConfig) -> Self {
-        let mut arm = ArmEmulator::new(ArmEmulatorConfig::default());
+        Self::with_arm(rig, ArmEmulatorConfig::default())
+    }
+
+    /// The same with another arm.
+    pub fn with_arm(rig: &RigConfig, arm: ArmEmulatorConfig) -> Self {
+        let mut arm = ArmEmulator::new(arm);
         let path = path();
         arm.place(*path.middle());
         let client = arm.connect();

@@ -1,9 +1,10 @@
 //! What is recorded is what happened.
 
+use etude_emulators::ArmEmulatorConfig;
 use etude_robot::joints::RAIL;
 use etude_robot::{Phase, Record};
 
-use crate::bench::Bench;
+use crate::bench::{Bench, rig};
 
 #[test]
 fn clamps_cover_every_difference_between_asked_and_sent() {
@@ -145,4 +146,19 @@ fn messages_say_what_may_go_on_pushing() {
         "{}",
         bench.fault()
     );
+}
+
+#[test]
+fn a_firmware_that_was_never_tried_is_named_at_the_start() {
+    for (firmware, is_new) in [("v1.5.0", true), ("v3.0.1", true), ("v2.4.9", false), ("v1.8.5", false)] {
+        let arm = ArmEmulatorConfig { firmware: firmware.into(), ..ArmEmulatorConfig::default() };
+        let mut bench = Bench::with_arm(&rig(), arm);
+        bench.start();
+        bench.until(Phase::Holding, 3000);
+        let said = bench.robot.warnings().join("\n");
+        assert_eq!(said.contains(firmware) && said.contains("v1.8.5 and v2.4.0"), is_new, "{said}");
+        let noted =
+            |record: &Record| matches!(record, Record::Note { kind: "warning", text, .. } if *text == said);
+        assert_eq!(bench.records.iter().any(noted), is_new, "{firmware}");
+    }
 }

@@ -172,7 +172,7 @@ proptest! {
             prop_assert!(keyboard.pressed() < 1 << KEY_COUNT);
             prop_assert!(changes.iter().all(|change| change.key < KEY_COUNT && change.velocity < 128));
             prop_assert_eq!(fold(&changes), keyboard.pressed());
-            prop_assert!(keyboard.warnings().count() <= KEY_COUNT + 3);
+            prop_assert!(keyboard.warnings().count() <= KEY_COUNT + 4);
         }
         keyboard.disconnected(now, &mut changes);
         prop_assert_eq!(keyboard.pressed(), 0);

@@ -7,4 +7,5 @@ mod allegro;
 mod arm;
 mod can;
 mod keyboard;
+mod keyboard_channels;
 mod stop;

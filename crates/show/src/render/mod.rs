@@ -80,7 +80,7 @@ impl<'a> Studio<'a> {
         self.world.colour_keys(&key_colours(self.take, secs));
         let mut shapes = self.ornaments.clone();
         shapes.extend((0..FINGERS).flat_map(|finger| shadow(self.world.fingertip(finger))));
-        shapes.extend(self.take.arm.iter().flat_map(|arm| links(arm, secs * self.take.control_hz - 1.0)));
+        shapes.extend(self.take.arm.iter().flat_map(|arm| links(arm, self.take.step_at(secs))));
         let mut pixels = self.painter.paint(&mut self.world, &shapes)?.to_vec();
         if let Some(strip) = &self.strip {
             pixels.extend(strip.paint(secs));

@@ -20,7 +20,7 @@ const ARM: [f32; 4] = [0.86, 0.87, 0.88, 1.0];
 pub(super) fn joints_at(take: &Take, secs: f64) -> [f64; DRIVEN_JOINTS] {
     let last = take.positions.len() - 1;
     // Row `i` is the end of step `i`; before the first there is the start, if it is known.
-    let index = (secs * take.control_hz - 1.0).clamp(-1.0, last as f64);
+    let index = take.step_at(secs).clamp(-1.0, last as f64);
     let row = |index: f64| match &take.start {
         Some(start) if index < 0.0 => start,
         _ => &take.positions[index.max(0.0) as usize],

@@ -38,6 +38,7 @@ pub struct Mark {
 
 /// All marks of a recording in order.
 pub(super) fn marks(recording: &Recording) -> Vec<Mark> {
+    let early_secs = recording.header.latency_compensation_secs;
     let mut marks: Vec<Mark> = recording
         .notes
         .iter()
@@ -53,6 +54,10 @@ pub(super) fn marks(recording: &Recording) -> Vec<Mark> {
         })
         .collect();
     marks.extend(clamps(recording));
+    // On the page's time; what comes before its beginning stays at it.
+    for mark in &mut marks {
+        mark.secs = rounded((mark.secs - early_secs).max(0.0));
+    }
     marks.sort_by(|one, other| one.secs.total_cmp(&other.secs));
     marks
 }

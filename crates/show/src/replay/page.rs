@@ -71,5 +71,8 @@ fn differences(takes: &[Take]) -> Vec<[f64; 2]> {
             }
         }
     }
-    differences.iter().map(|steps| steps.map(|step| step as f64 / one.control_hz + one.late_secs)).collect()
+    differences
+        .iter()
+        .map(|steps| steps.map(|step| step as f64 / one.control_hz - one.early_secs + one.late_secs))
+        .collect()
 }

@@ -25,8 +25,9 @@ use super::rewards::{RewardCurve, rewards, rounded};
 /// Notes of one piece are due at the same times from its first note on, except for differences of
 /// at most this, s.
 const SAME_RHYTHM_SECS: f64 = 0.05;
-/// One recording. Lengths in m, angles in rad, times in s; lists with a value a control step have
-/// the end of step `i` at `(i + 1) / control_hz`.
+/// One recording. Lengths in m, angles in rad, times in s as written after the initial silence;
+/// lists with a value a control step have the end of step `i` at `(i + 1) / control_hz -
+/// early_secs`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Take {
     /// Its name: its path.
@@ -43,6 +44,8 @@ pub struct Take {
     pub mode: String,
     /// Control steps per second.
     pub control_hz: f64,
+    /// How much earlier than written the player plays.
+    pub early_secs: f64,
     /// Times of the bar lines.
     pub bar_secs: Vec<f64>,
     /// What is missing in the recording, for the reader.
@@ -151,11 +154,12 @@ impl Take {
         let due: Vec<KeySet> = header.due.iter().map(|pitches| keys(pitches)).collect();
         let pressed: Vec<KeySet> = steps.iter().map(|step| keys(&step.pressed)).collect();
         let hz = if (1.0..=1000.0).contains(&header.control_hz) { header.control_hz } else { CONTROL_HZ };
-        let end_secs = steps.len() as f64 / hz;
+        let early_secs = header.latency_compensation_secs;
+        let end_secs = steps.len() as f64 / hz - early_secs;
         let (down_before, events) = events(recording, end_secs + header.late_secs.unwrap_or_default());
         let scored_keys = match header.late_secs {
             Some(late_secs) => {
-                let times = (1..=steps.len()).map(|step| step as f64 / hz + late_secs);
+                let times = (1..=steps.len()).map(|step| step as f64 / hz - early_secs + late_secs);
                 keys_at(down_before, &events, times)
             }
             None => pressed.clone(),
@@ -189,6 +193,7 @@ impl Take {
             rig: header.rig.clone(),
             mode: if in_simulation { String::new() } else { header.activity.to_string() },
             control_hz: hz,
+            early_secs,
             bar_secs: header.bar_secs.iter().copied().filter(|secs| secs.is_finite()).collect(),
             incomplete: incomplete(recording, steps.len(), due.len()),
             scene,
@@ -237,7 +242,12 @@ impl Take {
 
     /// Length of what was recorded, s.
     pub fn secs(&self) -> f64 {
-        self.positions.len() as f64 / self.control_hz
+        self.positions.len() as f64 / self.control_hz - self.early_secs
+    }
+
+    /// The control step that ends at a time, with its fraction; −1 at the beginning of the first.
+    pub fn step_at(&self, secs: f64) -> f64 {
+        (secs + self.early_secs) * self.control_hz - 1.0
     }
 }
 
@@ -263,7 +273,7 @@ fn task_of(header: &Header) -> anyhow::Result<TaskConfig> {
 
 impl PlayedNote {
     fn of(note: &Note) -> Self {
-        let (start, end) = (rounded(note.start_secs), rounded(note.end_secs));
+        let [start, end] = [note.start_secs, note.end_secs].map(|secs| rounded(secs.max(0.0)));
         Self { pitch: note.pitch, start, end, velocity: note.velocity }
     }
 }
@@ -271,6 +281,7 @@ impl PlayedNote {
 /// Keys that are down at the beginning; strikes and releases from then on. A recording that broke
 /// off may have some after its last whole step.
 fn events(recording: &Recording, end_secs: f64) -> (KeySet, Vec<KeyEvent>) {
+    let begin_secs = -recording.header.latency_compensation_secs;
     let on_keyboard = |pitch: u8| (LOWEST_PITCH..=HIGHEST_PITCH).contains(&pitch);
     let (before, events): (Vec<KeyEvent>, _) = recording
         .keys
@@ -281,8 +292,8 @@ fn events(recording: &Recording, end_secs: f64) -> (KeySet, Vec<KeyEvent>) {
             key: usize::from(key.pitch - LOWEST_PITCH),
             velocity: key.velocity,
         })
-        .partition(|event| event.secs < 0.0);
-    (keys_at(KeySet::EMPTY, &before, [0.0])[0], events)
+        .partition(|event| event.secs < begin_secs);
+    (keys_at(KeySet::EMPTY, &before, [begin_secs])[0], events)
 }
 
 fn incomplete(recording: &Recording, steps: usize, due: usize) -> Option<String> {

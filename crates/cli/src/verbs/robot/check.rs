@@ -65,7 +65,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         },
         "rail": { "m": place.rail_m, "beside_m": place.beside_m, "turned_rad": place.turned_rad },
         "keyboard": robot.keyboard().state().to_string(),
-        "warnings": robot.warnings().collect::<Vec<_>>(),
+        "warnings": robot.warnings(),
         "missing_fence": fence,
         "joints": checked.as_deref().map(joints),
         "fault": fault,
