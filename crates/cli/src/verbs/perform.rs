@@ -107,7 +107,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     };
     let mode = mode(args.mode, learned.as_ref())?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
-    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(folder_name(&args, mode, &rig)));
+    let folder = args
+        .out
+        .clone()
+        .unwrap_or_else(|| args::folder_of(&song, Path::new("out").join(folder_name(&args, mode, &rig))));
     let home = args.home || rig.is_twin();
     let play = RobotPlay {
         song: &song,

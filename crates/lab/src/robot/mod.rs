@@ -18,6 +18,7 @@ use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
 
 use crate::errors::{Interrupted, released, unusable};
+use crate::folder::SONG;
 use crate::json_files::save_pretty;
 use crate::pianist::Pianist;
 use crate::play::{
@@ -130,6 +131,7 @@ pub fn play_on_robot(
         }
     }
     let mut play = |folder: Option<&Path>| {
+        folder.map(|folder| play.song.save(folder.join(SONG))).transpose()?;
         let report = if play.measures_lag {
             play_on_time(play, &piece, folder, planner, job)
         } else {
