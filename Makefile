@@ -102,7 +102,7 @@ book: .mdbook/bin/mdbook
 
 fuzz:
 	cd fuzz && $(CARGO) build --release --target $$(rustc -vV | sed -n 's/host: //p') && mkdir -p corpus/midi artifacts && \
-	target/*/release/midi corpus/midi ../crates/music/tests/golden/midi ../songs \
+	target/*/release/midi corpus/midi ../crates/music/tests/golden/midi ../crates/music/tests/golden/cases ../songs \
 		-max_total_time=600 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -print_final_stats=1 -artifact_prefix=artifacts/
 
 clean-runs:

@@ -4,20 +4,21 @@
 //! frames of the right number, and a song that survives being written and read again.
 #![no_main]
 
-use etude_music::{CONTROL_HZ, MAX_DURATION_SECS, Song, SongError};
+use etude_music::{CONTROL_HZ, MAX_DURATION_SECS, MidiFile, Song, SongError};
 use libfuzzer_sys::fuzz_target;
 
 /// A tick of the slowest tempo that a file can have.
 const NEAR_SECS: f64 = 0.002;
 
 fuzz_target!(|bytes: &[u8]| {
-    let song = match Song::from_midi(bytes, "fuzz") {
-        Ok(song) => song,
+    let MidiFile { song, remarks } = match MidiFile::read(bytes, "fuzz") {
+        Ok(file) => file,
         Err(error) => {
             assert!(!error.to_string().is_empty());
             return;
         }
     };
+    assert!(remarks.iter().all(|remark| !remark.to_string().is_empty()));
     assert!(!song.notes().is_empty());
     assert!((0.0..=MAX_DURATION_SECS).contains(&song.duration_secs()));
     assert!(song.notes().is_sorted_by(|a, b| (a.start_secs, a.pitch) < (b.start_secs, b.pitch)));
@@ -32,6 +33,9 @@ fuzz_target!(|bytes: &[u8]| {
         }
         Err(error) => panic!("{error}"),
     }
+    song.within_range().check_range().unwrap();
+    let trimmed = song.without_initial_silence();
+    assert!(trimmed.notes().len() == song.notes().len() && trimmed.notes()[0].start_secs.abs() < 1e-9);
     let again = Song::from_midi(&song.to_midi(), "again").unwrap();
     assert!(again.notes().len() <= song.notes().len());
     let drift = (again.duration_secs() - song.duration_secs()).abs();

@@ -180,6 +180,21 @@ test('a song beyond the keyboard is transposed by a click', { skip }, async () =
   assert.equal(await page.getByRole('button', { name: 'Perform it on the twin' }).isVisible(), true);
 });
 
+test('notes beyond the keyboard are left out by a click', { skip }, async () => {
+  await dropOn('too-wide.mid', midi([[24, 0, 4], [60, 4, 4], [96, 8, 4], [62, 12, 4]]));
+  await page.locator('.song').getByText('Keeps 2 of 4 notes.').waitFor(LONG);
+  await page.getByRole('button', { name: 'Leave out 2 notes' }).click();
+  await page.getByText('With three fingers: 2 notes').waitFor(LONG);
+  assert.equal(await page.locator('.song h2').first().innerText(), 'too-wide within range');
+  // Nothing would be left of this one.
+  await dropOn('too-low.mid', midi([[24, 0, 4]]));
+  await page.getByRole('button', { name: 'Transpose by +12 semitones' }).waitFor(LONG);
+  assert.equal(await page.getByRole('button', { name: /^Leave out/ }).count(), 0);
+  // The song of the tests that follow.
+  await page.getByLabel('Song').selectOption('out/songs/too-high -2.mid');
+  await page.getByText('With three fingers: 2 notes').waitFor(LONG);
+});
+
 test('two performances of different songs are not compared', { skip }, async () => {
   for (const box of await page.getByRole('checkbox').all()) await box.uncheck();
   for (const song of ['by-button', 'au-clair']) await page.getByRole('checkbox', { name: `Compare out/${song}` }).first().check();

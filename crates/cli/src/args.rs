@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use etude_lab::{
-    Chosen, Pianist, RunConfig, SIGHT_READER, SongPlanner, cannot_be_played, load_pianist, pianist_for,
-    player_slug, policies, policy_called, readable,
+    Chosen, Pianist, RunConfig, SIGHT_READER, SongPlanner, cannot_be_played, folder_of_song, load_pianist,
+    pianist_for, player_slug, policies, policy_called, readable,
 };
 use etude_music::{Song, repertoire};
 use etude_perform::shell_word;
@@ -152,6 +152,20 @@ impl PianistArgs {
         }
         Ok(pianist)
     }
+}
+
+/// The default folder of what is made of this song. Another song of that name keeps its folder, and
+/// the user is told.
+pub fn folder_of(song: &Song, default: PathBuf) -> PathBuf {
+    let folder = folder_of_song(&default, song);
+    if folder != default {
+        note(format!(
+            "{} is of another song of this name: that of this one is {}",
+            default.display(),
+            folder.display()
+        ));
+    }
+    folder
 }
 
 /// A duration: a number above zero, small enough that clocks do not overflow.

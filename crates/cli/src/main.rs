@@ -16,7 +16,7 @@ use std::sync::Arc;
 use clap::error::ErrorKind;
 use clap::{CommandFactory as _, Parser, Subcommand};
 
-use crate::output::{Ending, error_message, is_broken_pipe, note};
+use crate::output::{Ending, STOPPED, Unread, error_message, note};
 
 /// Teaches a robot hand to play the piano: from a MIDI file to a policy, and from a policy to
 /// music.
@@ -134,19 +134,21 @@ fn main() -> ExitCode {
     };
     match ended {
         Ok(Ending::Done) => ExitCode::SUCCESS,
-        Ok(Ending::Stopped) => ExitCode::from(3),
+        Ok(Ending::Stopped) => ExitCode::from(STOPPED),
         Ok(Ending::Busy) => ExitCode::from(etude_experiment::BUSY),
-        // `etude perform … | head` may be stopped too.
-        Err(error) if is_broken_pipe(&error) && progress::is_stop_requested() => ExitCode::from(3),
-        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if etude_lab::Interrupted::is_cause_of(&error) => {
             note(error);
-            ExitCode::from(3)
+            ExitCode::from(STOPPED)
         }
-        Err(error) => {
-            note(format!("etude: {}", error_message(&error)));
-            ExitCode::FAILURE
-        }
+        Err(error) => match error.downcast_ref::<Unread>() {
+            // `etude perform … | head` may be stopped too.
+            Some(unread) if unread.is_terminal || progress::is_stop_requested() => ExitCode::from(STOPPED),
+            Some(_) => ExitCode::SUCCESS,
+            None => {
+                note(format!("etude: {}", error_message(&error)));
+                ExitCode::FAILURE
+            }
+        },
     }
 }
 

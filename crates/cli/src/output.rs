@@ -12,10 +12,38 @@ pub enum Ending {
     Busy,
 }
 
-/// Prints one line on standard output; a closed pipe is an error that ends the verb quietly.
+/// Exit code of a verb that was stopped on request.
+pub const STOPPED: u8 = 3;
+
+/// Nobody reads standard output any more: an error that ends the verb quietly, as `etude songs |
+/// head` must not fail.
+#[derive(Debug)]
+pub struct Unread {
+    /// Whether it is a terminal that is closed, and not a pipe.
+    pub is_terminal: bool,
+}
+
+impl std::fmt::Display for Unread {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.write_str("standard output is closed")
+    }
+}
+
+impl std::error::Error for Unread {}
+
+/// Prints one line on standard output; the error may be [`Unread`].
 pub fn line(text: impl std::fmt::Display) -> anyhow::Result<()> {
-    writeln!(std::io::stdout(), "{text}")?;
-    Ok(())
+    /// "Input/output error", which a terminal gives that is closed.
+    const EIO: i32 = 5;
+    writeln!(std::io::stdout(), "{text}").map_err(|error| {
+        if error.raw_os_error() == Some(EIO) {
+            Unread { is_terminal: true }.into()
+        } else if error.kind() == std::io::ErrorKind::BrokenPipe {
+            Unread { is_terminal: false }.into()
+        } else {
+            error.into()
+        }
+    })
 }
 
 /// Prints one line on standard error; if it is closed, the work continues.
@@ -45,17 +73,6 @@ pub fn error_message(error: &anyhow::Error) -> String {
         }
     }
     text
-}
-
-/// "Input/output error", which a terminal gives that is closed.
-const EIO: i32 = 5;
-
-/// Whether standard output is closed: `etude songs | head` must not fail.
-pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error
-        .chain()
-        .filter_map(|cause| cause.downcast_ref::<std::io::Error>())
-        .any(|error| error.kind() == std::io::ErrorKind::BrokenPipe || error.raw_os_error() == Some(EIO))
 }
 
 #[cfg(test)]

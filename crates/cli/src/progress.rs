@@ -24,10 +24,13 @@ static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 /// process [`is_attended`]. A second signal ends the program at once.
 pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     let flag = flag();
+    let came = Arc::<AtomicBool>::default();
     for signal in stopping_signals() {
-        // Registered first, so that it sees the flag of the previous signal.
-        signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED, flag.clone())?;
+        // Before anything else, so that no signal is lost.
         signal_hook::flag::register(signal, flag.clone())?;
+        // In this order, so that it sees whether there was a signal before.
+        signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED, came.clone())?;
+        signal_hook::flag::register(signal, came.clone())?;
     }
     Ok(flag)
 }

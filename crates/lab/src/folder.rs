@@ -7,12 +7,13 @@ use etude_music::Song;
 
 /// Name of the resolved configuration in a run's folder.
 pub const CONFIG: &str = "config.toml";
-/// Name of the song in a run's folder. To resume or play the run, no other song file is needed.
+/// Name of the song in the folder of a run or of a performance. To resume or play the run, no other
+/// song file is needed.
 pub const SONG: &str = "song.mid";
 /// Name of the description of who made the run and how.
 pub const META: &str = "meta.json";
 
-/// How many notes the song has that the run in `folder` learned, if they are not those of `song`.
+/// How many notes the song has of the run or the performance in `folder`, if they are not those of `song`.
 pub(crate) fn other_notes(folder: &Path, song: &Song) -> Option<usize> {
     let theirs = Song::load(folder.join(SONG)).ok()?;
     (!theirs.has_the_notes_of(song)).then(|| theirs.notes().len())

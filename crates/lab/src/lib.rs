@@ -48,7 +48,7 @@ pub use record::{Recorded, RobotMotion, record_robot};
 pub use rehearse::{
     Iteration, RehearsalConfig, RehearsalStep, best_iteration, rehearse_on_robot, set_latency_compensation,
 };
-pub use results::{LATEST, all_results, is_other_result, latest_result, numbered};
+pub use results::{LATEST, all_results, folder_of_song, is_other_result, latest_result, numbered};
 pub use robot::{
     MeanNotes, RobotPlay, RobotReport, RobotRun, RobotScores, RobotStep, play_on_robot, run_file,
 };

@@ -16,6 +16,7 @@ use etude_task::{ACTION_LEN, Piece, Player as _};
 use serde::Serialize;
 
 use crate::errors::{Interrupted, unusable};
+use crate::folder::SONG;
 use crate::json_files::save_pretty;
 use crate::pianist::Pianist;
 use crate::results::in_new_result;
@@ -130,6 +131,7 @@ fn play_into(
         limits: ready.limits(),
         files,
     };
+    song.save(folder.join(SONG))?;
     save_pretty(&folder.join(REPORT), &report)?;
     Ok(report)
 }

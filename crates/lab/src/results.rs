@@ -9,8 +9,10 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use etude_music::Song;
+
 use crate::errors::unusable;
-use crate::folder::make_folder;
+use crate::folder::{make_folder, other_notes};
 
 /// Name of the link to the last complete result.
 pub const LATEST: &str = "latest";
@@ -95,6 +97,19 @@ pub fn all_results(folder: &Path) -> Vec<PathBuf> {
     let mut found: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
     found.retain(|path| number(path).is_some() && path.is_dir());
     if found.is_empty() { vec![folder.to_path_buf()] } else { found }
+}
+
+/// `folder`, or the first of `folder-2`, `folder-3` … that is not of another song: files in several
+/// folders may have one name. A run's folder and each result have the song.
+pub fn folder_of_song(folder: &Path, song: &Song) -> PathBuf {
+    let mut own = folder.to_path_buf();
+    let mut number = 1;
+    while all_results(&own).iter().any(|result| other_notes(result, song).is_some()) {
+        number += 1;
+        own = folder
+            .with_file_name(format!("{}-{number}", folder.file_name().unwrap_or_default().to_string_lossy()));
+    }
+    own
 }
 
 fn number(path: &Path) -> Option<u64> {

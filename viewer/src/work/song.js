@@ -70,16 +70,20 @@ export class SongSection {
     });
   }
 
-  /** Why the song is outside the keyboard, and the transpositions that are inside. */
-  problem(known) {
-    const offers = known.transpositions.map((semitones) => {
+  /** Why the song is outside the keyboard, the transpositions that are inside, and the notes that can be left out. */
+  problem({ song, problem, transpositions, outside, notes }) {
+    const start = (changes) => this.start({ verb: 'arrange', song, changes });
+    const offers = transpositions.map((semitones) => {
       const text = `${semitones > 0 ? '+' : '−'}${Math.abs(semitones)}`;
-      const request = { verb: 'arrange', song: known.song, transpose: semitones };
-      return button(text, `transpose${semitones}`, () => this.start(request), { 'aria-label': `Transpose by ${text} semitones` });
+      return button(text, `transpose${semitones}`, () => start({ transpose: semitones }), { 'aria-label': `Transpose by ${text} semitones` });
     });
+    const without = `Leave out ${outside} ${outside === 1 ? 'note' : 'notes'}`;
     return [
-      element('p', { class: 'problem', text: known.problem }),
+      element('p', { class: 'problem', text: problem }),
       offers.length > 0 ? element('p', { class: 'row' }, element('span', { text: 'Transpose by semitones:' }), ...offers) : null,
+      outside > 0 && outside < notes
+        ? element('p', { class: 'row' }, button(without, 'within-range', () => start({ within_range: true })), element('span', { text: `Keeps ${notes - outside} of ${notes} notes.` }))
+        : null,
     ];
   }
 
@@ -106,7 +110,7 @@ export class SongSection {
     const how = [stretch === 1 ? null : `${stretch} times as long`, melody ? 'the upper voice alone' : null].filter(Boolean).join(', ');
     return element(
       'p', { class: 'row' }, element('span', { text: `Easier: ${how}, ${notes - leftOut} of ${notes} notes.` }),
-      button('Write this arrangement', 'easier', () => this.start({ verb: 'arrange', song, stretch, melody })),
+      button('Write this arrangement', 'easier', () => this.start({ verb: 'arrange', song, changes: { stretch, melody } })),
     );
   }
 

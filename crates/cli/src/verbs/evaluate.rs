@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 
 use clap::ValueHint;
-use etude_lab::{GridConfig, GridReport, GridScores, evaluate_grid, find_song};
+use etude_lab::{GridConfig, GridReport, GridScores, SONG, evaluate_grid, find_song};
 
 use crate::args::{self, PianistArgs};
 use crate::output::{Ending, line, note, print_json};
@@ -62,8 +62,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     song.check_range()?;
     let mut planner = planner(args.json);
     let pianist = args.pianist.load(&args.song, &song, &mut planner)?;
-    let out =
-        args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song) + "-worlds"));
+    let default = Path::new("out").join(args.pianist.folder_name(&args.song) + "-worlds");
+    let out = args.out.unwrap_or_else(|| args::folder_of(&song, default));
     let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
     let stop = stop_flag()?;
     let status = Mutex::new(Status::late(args.json));
@@ -80,6 +80,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         return Ok(Ending::Stopped);
     };
     report.write_csv(&out)?;
+    if let Some(csv) = &report.csv {
+        song.save(csv.with_file_name(SONG))?;
+    }
     if args.json {
         print_json(&report)?
     } else {

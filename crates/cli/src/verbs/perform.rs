@@ -112,7 +112,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         note(format!("warning: {}", slower(&args, &found)));
     }
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
-    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(folder_name(&args, mode, &rig)));
+    let folder = args
+        .out
+        .clone()
+        .unwrap_or_else(|| args::folder_of(&song, Path::new("out").join(folder_name(&args, mode, &rig))));
     let home = args.home || rig.is_twin();
     let play = RobotPlay {
         song: &song,

@@ -22,7 +22,7 @@ sight-reader is predicted to play better.
 
 Files: performance.mid and performance.wav (as played), reference.wav (as written), frames.csv \
 (step,due,pressed: MIDI numbers of the keys due and pressed at each control step), recording.mcap, \
-report.json. They are in DIR/1 for the first performance, DIR/2 for the next: none is replaced. \
+report.json, song.mid. They are in DIR/1 for the first performance, DIR/2 for the next: none is replaced. \
 DIR/latest links to the last one, which `replay`, `compare` and `render` take if they are given DIR.
 
 Examples:
@@ -58,7 +58,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut planner = planner(args.json);
     let pianist = args.pianist.load(&args.song, &song, &mut planner)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
-    let folder = args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)));
+    let folder = args.out.unwrap_or_else(|| {
+        args::folder_of(&song, Path::new("out").join(args.pianist.folder_name(&args.song)))
+    });
     let mut status = Status::late(args.json);
     let mut on_progress = |share: &f64| status.share("playing", *share);
     let mut job = Job::new(&mut on_progress, &stop);

@@ -72,18 +72,8 @@ enum What {
         /// Keep a file's silence before its first note too
         #[arg(long)]
         keep_silence: bool,
-        /// Semitones up, or down if negative
-        #[arg(long, default_value_t = 0, value_name = "SEMITONES", allow_hyphen_values = true)]
-        transpose: i32,
-        /// Factor for the duration: 2 is half the tempo
-        #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_hyphen_values = true)]
-        stretch: f64,
-        /// Keep the upper voice alone: notes that begin below a sounding one are dropped
-        #[arg(long)]
-        melody: bool,
-        /// Leave out the notes that the keyboard does not have
-        #[arg(long)]
-        within_range: bool,
+        #[command(flatten)]
+        changes: Changes,
         /// The new file
         #[arg(short, long, value_name = "OUT.mid")]
         out: PathBuf,
@@ -106,6 +96,53 @@ enum What {
     },
 }
 
+/// What an arrangement changes.
+#[derive(clap::Args, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct Changes {
+    /// Semitones up, or down if negative
+    #[arg(long, default_value_t = 0, value_name = "SEMITONES", allow_hyphen_values = true)]
+    pub transpose: i32,
+    /// Factor for the duration: 2 is half the tempo
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_hyphen_values = true)]
+    pub stretch: f64,
+    /// Keep the upper voice alone: notes that begin below a sounding one are dropped
+    #[arg(long)]
+    pub melody: bool,
+    /// Leave out the notes that the keyboard does not have
+    #[arg(long)]
+    pub within_range: bool,
+}
+
+impl Default for Changes {
+    fn default() -> Self {
+        Self { transpose: 0, stretch: 1.0, melody: false, within_range: false }
+    }
+}
+
+impl Changes {
+    /// The song with these changes.
+    pub fn of(&self, song: &Song) -> anyhow::Result<Song> {
+        let song = song.transpose(self.transpose)?.stretch(self.stretch)?;
+        let song = if self.melody { song.upper_voice() } else { song };
+        Ok(if self.within_range { song.within_range() } else { song })
+    }
+
+    /// The options of `etude songs arrange`.
+    pub fn options(&self) -> Vec<String> {
+        let mut options = Vec::new();
+        if self.transpose != 0 {
+            options.extend(["--transpose".to_string(), self.transpose.to_string()]);
+        }
+        if self.stretch != 1.0 {
+            options.extend(["--stretch".to_string(), self.stretch.to_string()]);
+        }
+        let flags = [(self.melody, "--melody"), (self.within_range, "--within-range")];
+        options.extend(flags.into_iter().filter(|(is_set, _)| *is_set).map(|(_, flag)| flag.to_string()));
+        options
+    }
+}
+
 fn part(text: &str) -> Result<Split, String> {
     Split::ALL
         .into_iter()
@@ -120,9 +157,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         Some(What::Show { song, keep_silence, frames, reference, config, json }) => {
             show(&song, keep_silence, frames, reference, &config.resolve()?.task, json || args.json)?;
         }
-        Some(What::Arrange { song, keep_silence, transpose, stretch, melody, within_range, out }) => {
-            let new = arranged(&find_song(&song, keep_silence)?, transpose, stretch, melody)?;
-            arrange(&song, if within_range { new.within_range() } else { new }, &out)?;
+        Some(What::Arrange { song, keep_silence, changes, out }) => {
+            arrange(&song, &changes.of(&find_song(&song, keep_silence)?)?, &out)?;
         }
         Some(What::Make { seed, part, out, json }) => make(seed, part, &out, json || args.json)?,
     }
@@ -247,7 +283,7 @@ fn show(
                 line(format!(
                     "Arranged by `etude songs arrange {} {} -o easier.mid`: {} of {notes} notes{}",
                     shell_word(name),
-                    arrange_options(0, stretch, melody).join(" "),
+                    Changes { stretch, melody, ..Changes::default() }.options().join(" "),
                     notes - left_out,
                     if melody { " of the upper voice" } else { "" }
                 ))?;
@@ -302,28 +338,7 @@ fn chord_name(song: &Song, chord: &[Note]) -> String {
     format!("{} {}", names.join("+"), (beats * 100.0).round() / 100.0)
 }
 
-/// The song in another key or tempo, or its upper voice.
-pub(super) fn arranged(song: &Song, semitones: i32, factor: f64, melody: bool) -> anyhow::Result<Song> {
-    let song = song.transpose(semitones)?.stretch(factor)?;
-    Ok(if melody { song.upper_voice() } else { song })
-}
-
-/// The options of `etude songs arrange` for this.
-pub(super) fn arrange_options(semitones: i32, factor: f64, melody: bool) -> Vec<String> {
-    let mut options = Vec::new();
-    if semitones != 0 {
-        options.extend(["--transpose".to_string(), semitones.to_string()]);
-    }
-    if factor != 1.0 {
-        options.extend(["--stretch".to_string(), factor.to_string()]);
-    }
-    if melody {
-        options.push("--melody".to_string());
-    }
-    options
-}
-
-fn arrange(name: &str, song: Song, out: &Path) -> anyhow::Result<()> {
+fn arrange(name: &str, song: &Song, out: &Path) -> anyhow::Result<()> {
     song.check_range()?;
     anyhow::ensure!(
         !song.notes().is_empty(),
@@ -333,7 +348,7 @@ fn arrange(name: &str, song: Song, out: &Path) -> anyhow::Result<()> {
     if same(out).is_some_and(|out| same(Path::new(name)) == Some(out)) {
         anyhow::bail!("{} is the song itself; choose another name with -o", out.display());
     }
-    save(&song, out)?;
+    save(song, out)?;
     let (notes, secs) = (song.notes().len(), song.duration_secs());
     line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", shell_word(out.display())))
 }

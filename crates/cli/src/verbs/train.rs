@@ -11,7 +11,7 @@ use etude_perform::{NoteCounts, shell_line, shell_word};
 use serde_json::json;
 
 use crate::args::{self, ConfigArgs, slug};
-use crate::output::{Ending, is_broken_pipe, line, note, print_json};
+use crate::output::{Ending, Unread, line, note, print_json};
 use crate::progress::{Progress, evaluation_summary, stop_flag};
 use crate::status::planner;
 
@@ -75,8 +75,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 config = beginning_with(config, source);
             }
             let seed = config.trainer.seed;
-            let folder = args.out.clone().unwrap_or_else(|| match name {
-                Some(name) => PathBuf::from(format!("runs/{}__{}__{seed}", slug(name), args.config.preset)),
+            let folder = args.out.clone().unwrap_or_else(|| match name.as_deref().zip(song.as_ref()) {
+                Some((name, song)) => args::folder_of(
+                    song,
+                    PathBuf::from(format!("runs/{}__{}__{seed}", slug(name), args.config.preset)),
+                ),
                 None => PathBuf::from(format!("runs/{SIGHT_READER}__{seed}")),
             });
             let command = shell_line(std::env::args());
@@ -85,20 +88,20 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
     };
     if !args.json {
-        ignore_broken_pipe(announce(&run, &args, &folder, &mut planner))?;
+        ignore_unread(announce(&run, &args, &folder, &mut planner))?;
     }
     let mut progress = Progress::new(&run, limit, args.json, stop);
     let outcome = run.run(&mut progress);
     drop(progress);
     let outcome = outcome?;
-    ignore_broken_pipe(report(&args, &folder, &run, &outcome))?;
+    ignore_unread(report(&args, &folder, &run, &outcome))?;
     Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })
 }
 
 /// A closed standard output does not change how a training ends: Ctrl-C in `etude train … | tee
 /// log` stops both.
-fn ignore_broken_pipe(printed: anyhow::Result<()>) -> anyhow::Result<()> {
-    printed.or_else(|error| if is_broken_pipe(&error) { Ok(()) } else { Err(error) })
+fn ignore_unread(printed: anyhow::Result<()>) -> anyhow::Result<()> {
+    printed.or_else(|error| if error.is::<Unread>() { Ok(()) } else { Err(error) })
 }
 
 fn announce(run: &Run, args: &Args, folder: &Path, planner: &mut SongPlanner<'_>) -> anyhow::Result<()> {

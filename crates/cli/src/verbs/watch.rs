@@ -51,7 +51,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         if args.json { print_json(&figures)? } else { print(&figures)? }
     } else {
         let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-        show(&mut View::new(args.folders, colours)?)?;
+        return show(&mut View::new(args.folders, colours)?);
     }
     Ok(Ending::Done)
 }

@@ -9,9 +9,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use ratatui::DefaultTerminal;
-use ratatui::crossterm::event::{self, Event};
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyModifiers};
 
 use super::view::View;
+use crate::output::{Ending, STOPPED};
 use crate::progress::patient_stop_flag;
 
 /// Shortest time between two redraws, so that they do not queue up on a slow line.
@@ -24,8 +25,8 @@ const SEARCH_INTERVAL: Duration = Duration::from_secs(10);
 /// Time in which the screen ends by itself after a request to stop.
 const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Shows `view` until the user, SIGTERM or the end of the terminal ends it.
-pub fn show(view: &mut View) -> anyhow::Result<()> {
+/// Shows `view` until the user quits it, or Ctrl-C, SIGTERM or the end of the terminal stops it.
+pub fn show(view: &mut View) -> anyhow::Result<Ending> {
     // Read once before the screen changes, so that errors stay visible in the terminal.
     view.read()?;
     let stop = patient_stop_flag()?;
@@ -37,8 +38,11 @@ pub fn show(view: &mut View) -> anyhow::Result<()> {
     let _ = ratatui::try_restore();
     match shown {
         // The terminal is closed: nothing can be drawn and no message can be read.
-        Err(_) if stop.load(Ordering::Relaxed) => Ok(()),
-        shown => shown.context("cannot use this terminal; `etude watch --once` needs none"),
+        _ if stop.load(Ordering::Relaxed) => Ok(Ending::Stopped),
+        shown => {
+            shown.context("cannot use this terminal; `etude watch --once` needs none")?;
+            Ok(Ending::Done)
+        }
     }
 }
 
@@ -55,9 +59,13 @@ fn end_with_the_terminal(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
         stop.store(true, Ordering::Relaxed);
         std::thread::sleep(STOP_TIMEOUT);
         let _ = ratatui::try_restore();
-        std::process::exit(0);
+        std::process::exit(STOPPED.into());
     });
     Ok(())
+}
+
+fn is_ctrl_c(key: &KeyEvent) -> bool {
+    key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL)
 }
 
 fn watch(terminal: &mut DefaultTerminal, view: &mut View, stop: &AtomicBool) -> std::io::Result<()> {
@@ -84,6 +92,8 @@ fn watch(terminal: &mut DefaultTerminal, view: &mut View, stop: &AtomicBool) -> 
         // Not longer than a redraw, as signals do not end the wait.
         if event::poll(next.saturating_duration_since(Instant::now()).min(REDRAW_INTERVAL))? {
             match event::read()? {
+                // The terminal sends no signal while it is read key by key.
+                Event::Key(key) if is_ctrl_c(&key) => stop.store(true, Ordering::Relaxed),
                 Event::Key(key) if !view.key(key) => return Ok(()),
                 _ => changed = true,
             }

@@ -130,7 +130,6 @@ fn keys_choose_and_leave() {
     assert!(text.contains("etude watch") && text.contains("the trainings continue"), "{text}");
     assert!(press(&mut view, KeyCode::Esc), "it closes the help first");
     assert!(!press(&mut view, KeyCode::Esc) && !press(&mut view, KeyCode::Char('q')));
-    assert!(!view.key(KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL)));
 }
 
 #[test]

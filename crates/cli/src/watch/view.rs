@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::SystemTime;
 
 use etude_show::watch::{RunFigures, WatchedRun, find_runs};
-use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
 use ratatui::style::{Color, Style};
 use ratatui::widgets::{Block, Borders};
 
@@ -82,7 +82,6 @@ impl View {
         }
         let count = self.runs.len().max(1);
         match key.code {
-            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return false,
             KeyCode::Char('q') => return false,
             KeyCode::Esc if !self.help => return false,
             KeyCode::Esc => self.help = false,

@@ -1,5 +1,5 @@
-//! Ctrl-C, a closed terminal, a closed pipe: nothing is lost, nothing half done counts, and the
-//! exit code is 3.
+//! Ctrl-C: nothing is lost, nothing half done counts, and the exit code is 3. `terminals` goes
+//! through all long verbs.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
@@ -69,78 +69,17 @@ fn an_interrupted_performance_counts_in_no_mean() {
 }
 
 /// What a command says that is interrupted as soon as the file is there; it must end with 3.
-fn interrupted_at(command: Command, file: impl FnOnce(&Child) -> PathBuf) -> String {
-    stopped_at(command, "INT", file)
-}
-
-/// The same by any signal.
-fn stopped_at(mut command: Command, signal: &str, file: impl FnOnce(&Child) -> PathBuf) -> String {
+fn interrupted_at(mut command: Command, file: impl FnOnce(&Child) -> PathBuf) -> String {
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let file = file(&child);
     while !file.exists() {
         assert!(child.try_wait().unwrap().is_none(), "it has ended before it made {}", file.display());
         std::thread::sleep(Duration::from_millis(1));
     }
-    processes::signal(child.id(), signal);
+    processes::signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
     errors(&output)
-}
-
-/// A terminal that is closed stops what runs in it as Ctrl-C does, and nothing is left half done.
-#[test]
-fn a_closed_terminal_stops_as_ctrl_c_does() {
-    let sandbox = Sandbox::new();
-    sandbox.ok("record --robot twin --excitation rail -o rail.mcap");
-    for (args, sign, result) in [
-        ("perform ode-to-joy --scripted -o robot", "robot/1/run-1.mcap", "robot/1/report.json"),
-        ("identify rail.mcap -o fit", "fit/state.json", "fit/identified.toml"),
-        ("gallery -o gallery", "gallery/recordings", "gallery/index.html"),
-    ] {
-        // `env` sets what the signal does, whatever it does to this test.
-        let mut command = Command::new("env");
-        command.current_dir(sandbox.path("")).args(["--default-signal=HUP"]);
-        command.arg(assert_cmd::cargo::cargo_bin!("etude")).args(args.split_whitespace());
-        let said = stopped_at(command, "HUP", |_| sandbox.path(sign));
-        assert!(!sandbox.path(result).exists(), "{args}: {said}");
-    }
-}
-
-/// Ctrl-C as soon as a command handles it, also if nobody reads what it prints.
-#[test]
-fn ctrl_c_has_one_code_in_every_long_command() {
-    let sandbox = Sandbox::new();
-    sandbox.ok("record --robot twin --excitation rail -o rail.mcap");
-    sandbox.ok("play ode-to-joy --scripted -o out");
-    // A gallery of one recording is complete at once.
-    std::fs::create_dir(sandbox.path("takes")).unwrap();
-    for take in 0..20 {
-        std::fs::copy(sandbox.path("out/1/recording.mcap"), sandbox.path(format!("takes/{take}.mcap")))
-            .unwrap();
-    }
-    let mut commands = vec![
-        "perform ode-to-joy --scripted -o robot",
-        "record --robot twin --secs 600 -o still.mcap",
-        "evaluate ode-to-joy --scripted --worlds 100000",
-        "identify rail.mcap -o fit",
-        "rehearse ode-to-joy --iterations 1",
-        "gallery takes -o gallery",
-        "train ode-to-joy -o run",
-        "experiment run songs --runs trials",
-        "robot check --robot twin --joints",
-        "twin -o served",
-    ];
-    if crate::rendering::draws(&sandbox) {
-        commands.push("render out -o film.mp4");
-    }
-    for args in commands {
-        let mut child = sandbox.command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        drop(child.stdout.take());
-        wait_for(args, || processes::catches_interrupts(child.id()));
-        processes::signal(child.id(), "INT");
-        let output = child.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(3), "{args}: {}", errors(&output));
-    }
 }
 
 #[test]

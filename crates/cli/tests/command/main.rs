@@ -29,6 +29,7 @@ mod slurm;
 mod songs;
 mod stop_times;
 mod stopping;
+mod terminals;
 mod tour;
 mod training;
 mod typing;

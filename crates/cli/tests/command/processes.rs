@@ -26,6 +26,20 @@ pub fn real_time_priority(id: u32) -> i64 {
     status(id, 40).expect("it runs")
 }
 
+/// Whether a process runs; one that has ended and is not waited for does not.
+pub fn runs(id: u32) -> bool {
+    let text = std::fs::read_to_string(Path::new("/proc").join(id.to_string()).join("stat"));
+    text.is_ok_and(|text| text.rsplit_once(')').is_some_and(|(_, rest)| !rest.trim_start().starts_with('Z')))
+}
+
+/// Time for which a process has had a processor, s.
+pub fn processor_secs(id: u32) -> f64 {
+    /// Of the kernel's clock, for programs.
+    const TICKS_PER_SEC: f64 = 100.0;
+    let ticks = |field| status(id, field).unwrap_or(0) as f64;
+    (ticks(14) + ticks(15)) / TICKS_PER_SEC
+}
+
 /// Ids of the processes that were started with these arguments in a row.
 pub fn with_arguments(arguments: &[&str]) -> Vec<u32> {
     let has_them = |id: &u32| {
@@ -38,13 +52,16 @@ pub fn with_arguments(arguments: &[&str]) -> Vec<u32> {
     all().filter(has_them).collect()
 }
 
-/// Whether a process handles Ctrl-C by itself.
-pub fn catches_interrupts(id: u32) -> bool {
-    const INT: u32 = 2;
+/// Numbers of signals.
+pub const HUP: u32 = 1;
+pub const INT: u32 = 2;
+
+/// Whether a process handles this signal by itself.
+pub fn catches(id: u32, signal: u32) -> bool {
     let text =
         std::fs::read_to_string(Path::new("/proc").join(id.to_string()).join("status")).unwrap_or_default();
     let caught = text.lines().find_map(|line| line.strip_prefix("SigCgt:"));
-    caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).unwrap() >> (INT - 1) & 1 == 1)
+    caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).unwrap() >> (signal - 1) & 1 == 1)
 }
 
 /// Sends a signal, such as `KILL`, to a process.

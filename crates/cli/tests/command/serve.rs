@@ -78,17 +78,36 @@ fn a_song_that_the_keyboard_has_not_is_transposed() {
     assert_eq!(failed["state"], "failed");
     assert!(failed["log"][0].as_str().unwrap().contains("outside the keyboard"), "{failed}");
     assert!(!failed["log"].to_string().contains("ended with"), "{failed}");
-    let made = server.does(&json!({ "verb": "arrange", "song": "songs/low.mid", "transpose": 12 }));
+    let made =
+        server.does(&json!({ "verb": "arrange", "song": "songs/low.mid", "changes": { "transpose": 12 } }));
     assert_eq!(made["output"], "out/songs/low +12.mid");
     assert_eq!(server.get("song?name=out/songs/low%20%2B12.mid").json()["problem"], Value::Null);
+    // Nothing would be left of it.
+    assert_eq!((&about["outside"], &about["notes"]), (&3.into(), &3.into()), "{about}");
     // Slower, and the upper voice alone.
-    let request =
-        json!({ "verb": "arrange", "song": "out/songs/low +12.mid", "stretch": 1.5, "melody": true });
+    let request = json!({ "verb": "arrange", "song": "out/songs/low +12.mid", "changes": { "stretch": 1.5, "melody": true } });
     let made = server.does(&request);
     assert_eq!(made["output"], "out/songs/low +12 x1.5 melody.mid");
     let slower = Song::load(sandbox.path("out/songs/low +12 x1.5 melody.mid")).unwrap();
     let before = Song::load(sandbox.path("out/songs/low +12.mid")).unwrap();
     assert!((slower.duration_secs() / before.duration_secs() - 1.5).abs() < 0.02);
+}
+
+/// The same notes as the verb leaves out.
+#[test]
+fn notes_that_the_keyboard_has_not_are_left_out() {
+    let sandbox = with_song();
+    sandbox.write_song("songs/wide.mid", [24, 60, 96]);
+    let server = Server::start(&sandbox);
+    let about = server.get("song?name=songs/wide.mid").json();
+    assert_eq!((&about["outside"], &about["notes"]), (&2.into(), &3.into()), "{about}");
+    assert_eq!(about["transpositions"], json!([]));
+    let request = json!({ "verb": "arrange", "song": "songs/wide.mid", "changes": { "within_range": true } });
+    let made = server.does(&request);
+    assert_eq!(made["output"], "out/songs/wide within range.mid");
+    sandbox.ok("songs arrange songs/wide.mid --within-range -o same.mid");
+    assert_eq!(sandbox.bytes("out/songs/wide within range.mid"), sandbox.bytes("same.mid"));
+    assert_eq!(server.does(&request)["output"], made["output"]);
 }
 
 #[test]
@@ -105,10 +124,12 @@ fn songs_whose_names_have_the_same_short_form_are_told_apart() {
     assert_eq!(server.get(&format!("files/{}", shown["output"].as_str().unwrap())).json()["title"], "песня");
     // A transposition gets a name of its own.
     sandbox.write_song("songs/Bach 1 2.mid", [60, 62, 64]);
-    let made = server.does(&json!({ "verb": "arrange", "song": "songs/Bach 1.mid", "transpose": 2 }));
+    let made =
+        server.does(&json!({ "verb": "arrange", "song": "songs/Bach 1.mid", "changes": { "transpose": 2 } }));
     assert_eq!(made["output"], "out/songs/Bach 1 +2.mid");
     // The same arrangement once more is the same file.
-    let again = server.does(&json!({ "verb": "arrange", "song": "songs/Bach 1.mid", "transpose": 2 }));
+    let again =
+        server.does(&json!({ "verb": "arrange", "song": "songs/Bach 1.mid", "changes": { "transpose": 2 } }));
     assert_eq!(again["output"], made["output"]);
     // The folder of a training is named after its seed.
     let set: Vec<&str> = TINY.iter().copied().chain(["trainer.seed = 3"]).collect();

@@ -1,5 +1,7 @@
 //! `etude songs`.
 
+use std::process::Command;
+
 use etude_music::{Note, Song};
 
 use crate::{Sandbox, TINY, csv, errors, root, succeed};
@@ -297,4 +299,47 @@ fn names_of_every_script_are_kept_apart() {
         assert_eq!(made.len(), names.len(), "{folder}: {made:?}");
     }
     assert!(sandbox.path("月光.onnx").is_file() && sandbox.path("runs/春__fast__0").is_dir());
+}
+
+/// Songs of one name in two folders: each has folders of its own, and the second is told.
+#[test]
+fn songs_of_one_name_in_two_folders_share_none() {
+    let sandbox = Sandbox::new();
+    for (folder, pitches) in [("a", [60, 62, 64]), ("b", [64, 62, 60])] {
+        std::fs::create_dir(sandbox.path(folder)).unwrap();
+        sandbox.write_song(&format!("{folder}/tune.mid"), pitches);
+    }
+    let said = |command: &mut Command| {
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{command:?}: {}", errors(&output));
+        errors(&output)
+    };
+    let other = "is of another song of this name: that of this one is";
+    for (verb, folder) in [
+        ("play --scripted", "out/tune-scripted"),
+        ("perform --scripted --mode real", "out/tune-scripted-real"),
+        ("evaluate --scripted --worlds 2", "out/tune-scripted-worlds"),
+    ] {
+        for (song, own) in [("a", folder.to_string()), ("b", format!("{folder}-2"))] {
+            for number in [1, 2] {
+                let told = said(&mut sandbox.command(&format!("{verb} {song}/tune.mid")));
+                assert_eq!(told.contains(&format!("{folder} {other} {own}")), song == "b", "{told}");
+                let kept = Song::load(sandbox.path(format!("{own}/{number}/song.mid"))).unwrap();
+                assert!(
+                    kept.has_the_notes_of(&Song::load(sandbox.path(format!("{song}/tune.mid"))).unwrap())
+                );
+            }
+        }
+    }
+    let trained = ["a", "b"].map(|song| said(&mut sandbox.tiny(&format!("{song}/tune.mid"))));
+    assert!(!trained[0].contains(other) && trained[1].contains("runs/tune__fast__0-2"), "{trained:?}");
+    let again = sandbox.tiny("b/tune.mid").output().unwrap();
+    let resume = "etude train --resume runs/tune__fast__0-2";
+    assert!(errors(&again).contains(resume), "{}", errors(&again));
+    // Each is played by what has learned it.
+    for (song, run) in [("a", "tune__fast__0/"), ("b", "tune__fast__0-2/")] {
+        let model =
+            sandbox.json(&format!("export onnx {song}/tune.mid --policy runs/{run} -o {song}.onnx --json"));
+        assert!(model["policy"].as_str().unwrap().contains(run), "{model}");
+    }
 }

@@ -96,7 +96,7 @@ fn run(sandbox: &Sandbox, command: &Documented) {
 fn interrupt(mut etude: Command) {
     let mut child = etude.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     wait_for("it never handled Ctrl-C", || {
-        processes::catches_interrupts(child.id()) || child.try_wait().unwrap().is_some()
+        processes::catches(child.id(), processes::INT) || child.try_wait().unwrap().is_some()
     });
     processes::signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();

@@ -112,9 +112,7 @@ before = termios.tcgetattr(side)
 child = os.fork()
 if child == 0:
     os.setsid()
-    # A terminal of another session sends no SIGHUP when it goes.
-    if action != "GONE":
-        fcntl.ioctl(side, termios.TIOCSCTTY, 0)
+    fcntl.ioctl(side, termios.TIOCSCTTY, 0)
     for number in range(3):
         os.dup2(side, number)
     os.execv(program[0], program)
@@ -129,16 +127,6 @@ while time.monotonic() < deadline:
         sent = True
         if action == "TERM":
             os.kill(child, signal.SIGTERM)
-        elif action in ("HUP", "GONE"):
-            os.close(main)
-            deadline = time.monotonic() + 10
-            while time.monotonic() < deadline:
-                ended, status = os.waitpid(child, os.WNOHANG)
-                if ended:
-                    sys.exit(os.waitstatus_to_exitcode(status))
-                time.sleep(0.05)
-            os.kill(child, signal.SIGKILL)
-            sys.exit("it went on without a terminal")
         else:
             os.write(main, action.encode())
 else:
@@ -149,29 +137,22 @@ sys.stdout.flush()
 sys.exit(os.waitstatus_to_exitcode(status) if termios.tcgetattr(side) == before else 99)
 "#;
 
-/// What `etude watch` writes to a terminal in which this is done.
-fn watched(sandbox: &Sandbox, action: &str) -> String {
+/// What `etude watch` writes to a terminal in which this is done, which must end it with this code.
+fn watched(sandbox: &Sandbox, action: &str, code: i32) -> String {
     let mut command = Command::new("python3");
     command.current_dir(sandbox.folder.path()).env("TERM", "xterm-256color").env_remove("NO_COLOR");
     command.args(["-c", TERMINAL, action]).arg(assert_cmd::cargo::cargo_bin!("etude")).arg("watch");
-    succeed(command)
-}
-
-#[test]
-fn the_screen_ends_with_its_terminal() {
-    let sandbox = Sandbox::new();
-    write_run(&sandbox.path("runs/short__fast__0"));
-    for action in ["HUP", "GONE"] {
-        watched(&sandbox, action);
-    }
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(code), "{action:?}: {}", errors(&output));
+    String::from_utf8(output.stdout).unwrap()
 }
 
 #[test]
 fn the_screen_is_left_as_it_was_found() {
     let sandbox = Sandbox::new();
     write_run(&sandbox.path("runs/short__fast__0"));
-    for action in ["q", "\u{3}", "TERM"] {
-        let said = watched(&sandbox, action);
+    for (action, code) in [("q", 0), ("\u{3}", 3), ("TERM", 3)] {
+        let said = watched(&sandbox, action, code);
         let (before, inside) = said.split_once("\u{1b}[?1049h").unwrap();
         let (inside, after) = inside.split_once("\u{1b}[?1049l").unwrap();
         assert!(!before.contains("F1") && !after.contains("F1"), "{action:?}: {said:?}");

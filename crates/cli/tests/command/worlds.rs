@@ -70,7 +70,7 @@ fn an_interruption_ends_it_without_a_table() {
     let sandbox = Sandbox::new();
     let mut command = sandbox.command("evaluate short.mid --scripted --worlds 100000 -o tables");
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    wait_for("its handler is there", || processes::catches_interrupts(child.id()));
+    wait_for("its handler is there", || processes::catches(child.id(), processes::INT));
     processes::signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));

@@ -17,6 +17,7 @@ use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
 
 use crate::errors::{Interrupted, released, unusable};
+use crate::folder::SONG;
 use crate::json_files::save_pretty;
 use crate::pianist::Pianist;
 use crate::play::{
@@ -131,6 +132,7 @@ pub fn play_on_robot(
         }
     }
     let mut play = |folder: Option<&Path>| {
+        folder.map(|folder| play.song.save(folder.join(SONG))).transpose()?;
         let report = if play.measures_lag {
             play_on_time(play, &piece, folder, planner, job)
         } else {

@@ -3,8 +3,10 @@
 
 pub mod arm;
 mod controller;
+mod devices;
 mod hand;
 mod keyboard;
+mod links;
 
 use crate::bench::Bench;
 use crate::mischief::Mischief;
@@ -73,6 +75,8 @@ pub struct Row {
     pub lost: Lost,
     /// The cause stays until it is removed, so that a start before that fails.
     pub stays: bool,
+    /// Parameters of the twin from the start on, as TOML.
+    pub twin: &'static str,
     /// The arm's reports are those of port 30000, which carry a time.
     pub timed: bool,
     pub strike: fn(&mut Bench),
@@ -93,6 +97,7 @@ const ROW: Row = Row {
     says: "",
     lost: Lost::Nothing,
     stays: false,
+    twin: "",
     timed: false,
     strike: |_| {},
     mend: |b| b.mischief = Mischief::default(),
@@ -100,5 +105,7 @@ const ROW: Row = Row {
 
 /// Every row.
 pub fn rows() -> impl Iterator<Item = &'static Row> {
-    [hand::ROWS, arm::ROWS, keyboard::ROWS, controller::ROWS].into_iter().flatten()
+    [hand::ROWS, arm::ROWS, keyboard::ROWS, controller::ROWS, links::ROWS, devices::ROWS]
+        .into_iter()
+        .flatten()
 }

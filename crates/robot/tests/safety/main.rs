@@ -15,7 +15,8 @@
 //! | `fingers`, `weight` | the controller's kinematics and feed-forward agree with the world |
 //!
 //! `bench` has the controller and the twin, `mischief` disturbs their wires, `judge` listens in and
-//! decodes what is sent by itself, `faults` has the rows of the matrix.
+//! decodes what is sent by itself, `faults` has the rows of the matrix, `page` makes the table of
+//! `docs/robot.md` of them.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
@@ -33,6 +34,7 @@ mod links;
 mod matrix;
 mod mischief;
 mod ordered;
+mod page;
 mod playing;
 mod policy;
 mod recovery;

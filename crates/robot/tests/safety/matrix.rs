@@ -1,4 +1,5 @@
-//! Each fault in each phase, and where it must end. The table goes to `target/fault-matrix.md`.
+//! Each fault in each phase, and where it must end. The table goes to `target/fault-matrix.md`, and
+//! what a person meets of it to `docs/robot.md`.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,6 +12,7 @@ use etude_twin::{TwinParams, calibration};
 use crate::bench::Bench;
 use crate::faults::End::{self, Fault, GoesOn, Never};
 use crate::faults::{Lost, Row, WHENS, When, rows};
+use crate::page;
 use crate::policy::Policy;
 
 /// The slowest warning is that of a key that stays down, ms.
@@ -93,9 +95,12 @@ fn cell(bench: &mut Bench, row: &Row, when: When, says: &mut Option<String>) -> 
                 if bench.policy == Policy::Smooth {
                     bench.policy = Policy::Still;
                 }
-                let warned = bench.until(WARNED_WITHIN, |b| {
-                    b.robot.keyboard().warnings().any(|warning| row.is_said(&warning.to_string()))
-                });
+                let warning = |b: &Bench| {
+                    let mut warnings = b.robot.keyboard().warnings().map(|warning| warning.to_string());
+                    warnings.find(|warning| row.is_said(warning))
+                };
+                let warned = bench.until(WARNED_WITHIN, |b| warning(b).is_some());
+                *says = warning(bench);
                 let phase = bench.robot.phase();
                 assert!(expected_phase(when).contains(&phase), "{place}: {phase:?} {:?}", bench.notes);
                 assert!(
@@ -204,13 +209,11 @@ fn recovers(bench: &mut Bench, row: &Row, end: End, when: When, place: &str) {
 
 fn twin_params(row: &Row) -> TwinParams {
     let twin_params = TwinParams::load("mild").unwrap().with("[keyboard]\nsensing_secs = 0.1").unwrap();
-    match row.lost {
-        Lost::HandTimesOut => twin_params.with("[hand]\ntorque_timeout_secs = 0.1").unwrap(),
-        _ => twin_params,
-    }
+    twin_params.with(row.twin).unwrap()
 }
 
-fn line(row: &Row) -> String {
+/// The line of a row, and what was said in it.
+fn line(row: &Row) -> (String, Option<String>) {
     let mut bench = Bench::new(&twin_params(row), &calibration("twin"));
     if row.timed {
         bench.lockstep.reports = ReportKind::Control;
@@ -226,13 +229,14 @@ fn line(row: &Row) -> String {
         Lost::Arm => ["no torque, servo off", "**ends its last order, then stands**"],
         Lost::Both => ["**holds its last torque**", "**ends its last order, then stands**"],
     };
-    format!("| {} | {} | {hand} | {arm} | {} |", row.name, cells.join(" | "), says.unwrap_or_default())
+    let text = says.clone().unwrap_or_default();
+    (format!("| {} | {} | {hand} | {arm} | {text} |", row.name, cells.join(" | ")), says)
 }
 
 #[test]
 fn every_fault_in_every_phase() {
     let half = rows().count() / 2;
-    let lines: Vec<String> = std::thread::scope(|scope| {
+    let lines: Vec<(String, Option<String>)> = std::thread::scope(|scope| {
         let rest = scope.spawn(|| rows().skip(half).map(line).collect::<Vec<_>>());
         let mut lines: Vec<_> = rows().take(half).map(line).collect();
         lines.extend(rest.join().unwrap());
@@ -243,10 +247,11 @@ fn every_fault_in_every_phase() {
          | hand | arm | the operator reads |\n\
          |---|---|---|---|---|---|---|---|---|---|\n",
     );
-    for line in &lines {
+    for (line, _) in &lines {
         writeln!(table, "{line}").unwrap();
     }
     println!("{table}");
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("fault-matrix.md");
     std::fs::write(path, table).unwrap();
+    page::compare(rows().zip(lines.into_iter().map(|(_, said)| said)));
 }

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use etude_lab::{LATEST, RECORDING, run_file};
+use etude_lab::{LATEST, RECORDING, folder_of_song, run_file};
 use etude_perform::Mode;
 use etude_show::watch::RunState;
 use serde::Deserialize;
 
 use super::super::perform::performance_name;
-use super::super::songs::{arrange_options, arranged};
+use super::super::songs::Changes;
 use super::jobs::{JobSpec, Step};
 use super::message::ApiError;
 use super::workspace::{COMPARED, ListedSong, SONGS, Workspace, analysis_files, make_folder, replay_page};
@@ -19,30 +19,13 @@ use crate::args::{PianistArgs, slug};
 #[serde(tag = "verb", rename_all = "snake_case", deny_unknown_fields)]
 pub enum ApiRequest {
     Show { song: String },
-    Arrange(Arrangement),
+    Arrange { song: String, changes: Changes },
     Play { song: String, player: PlayerChoice },
     Perform { song: String, player: PlayerChoice, mode: String },
     Train { song: String, minutes: Option<f64>, set: Vec<String> },
     Resume { run: PathBuf, minutes: Option<f64> },
     Replay { recording: PathBuf },
     Compare { one: PathBuf, other: PathBuf },
-}
-
-/// The changes of `etude songs arrange`.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Arrangement {
-    song: String,
-    #[serde(default)]
-    transpose: i32,
-    #[serde(default = "same_tempo")]
-    stretch: f64,
-    #[serde(default)]
-    melody: bool,
-}
-
-fn same_tempo() -> f64 {
-    1.0
 }
 
 /// The player.
@@ -68,10 +51,10 @@ impl ApiRequest {
                 step.stdout = Some(PathBuf::from(&analysis));
                 Ok(job(format!("Analyse {}", listed.title), &song, &analysis, vec![step]))
             }
-            Self::Arrange(arrangement) => arrange(workspace, arrangement),
+            Self::Arrange { song, changes } => arrange(workspace, &song, &changes),
             Self::Play { song, player } => {
                 let (title, pianist) = pianist(workspace, &song, player)?;
-                let folder = format!("out/{}", pianist.folder_name(&song));
+                let folder = folder_of(workspace, &song, &pianist.folder_name(&song))?;
                 let play = step(&["play", &song, "-o", &folder], options(&pianist));
                 let steps = vec![play, replay(&format!("{folder}/{LATEST}/{RECORDING}"))];
                 Ok(job(format!("Play {title}"), &song, &folder, steps))
@@ -79,7 +62,7 @@ impl ApiRequest {
             Self::Perform { song, player, mode } => {
                 let (title, pianist) = pianist(workspace, &song, player)?;
                 let mode: Mode = mode.parse().map_err(|error| anyhow::anyhow!("the mode: {error}"))?;
-                let folder = format!("out/{}", performance_name(&pianist, &song, mode, []));
+                let folder = folder_of(workspace, &song, &performance_name(&pianist, &song, mode, []))?;
                 let mode = format!("--mode={mode}");
                 let perform = ["perform", &song, "--robot", "twin", "-o", &folder, &mode];
                 let perform = step(&perform, options(&pianist));
@@ -124,28 +107,30 @@ impl ApiRequest {
 }
 
 /// Writes an arrangement. The same one again replaces its file.
-fn arrange(workspace: &Workspace, arrangement: Arrangement) -> Result<JobSpec, ApiError> {
-    let Arrangement { song, transpose, stretch, melody } = arrangement;
-    let (listed, written) = workspace.song(&song)?;
+fn arrange(workspace: &Workspace, song: &str, changes: &Changes) -> Result<JobSpec, ApiError> {
+    let (listed, written) = workspace.song(song)?;
     make_folder(SONGS)?;
     let mut stem = listed.title;
-    if transpose != 0 {
-        stem += &format!(" {transpose:+}");
+    if changes.transpose != 0 {
+        stem += &format!(" {:+}", changes.transpose);
     }
-    if stretch != 1.0 {
-        stem += &format!(" x{stretch}");
+    if changes.stretch != 1.0 {
+        stem += &format!(" x{}", changes.stretch);
     }
-    if melody {
+    if changes.melody {
         stem += " melody";
     }
+    if changes.within_range {
+        stem += " within range";
+    }
     // The verb reports what cannot be arranged.
-    let notes = arranged(&written, transpose, stretch, melody).map(|song| song.to_midi()).ok();
+    let notes = changes.of(&written).map(|song| song.to_midi()).ok();
     let is_same = |known: &ListedSong| notes.is_some() && std::fs::read(&known.song).ok() == notes;
     let file = workspace.free_name(&stem, is_same).unwrap_or_else(|same| same);
-    let options = arrange_options(transpose, stretch, melody);
+    let options = changes.options();
     let options: Vec<&str> = options.iter().map(String::as_str).collect();
-    let step = quick(&[&["songs", "arrange", &song], options.as_slice(), &["-o", &file]].concat());
-    Ok(job(format!("Write {stem}"), &song, &file, vec![step]))
+    let step = quick(&[&["songs", "arrange", song], options.as_slice(), &["-o", &file]].concat());
+    Ok(job(format!("Write {stem}"), song, &file, vec![step]))
 }
 
 /// Trains with the seed of the settings, or with the first one that has no run.
@@ -206,6 +191,12 @@ fn unknown(path: &Path) -> ApiError {
 fn performance(workspace: &Workspace, recording: &Path) -> Result<String, ApiError> {
     let is_known = workspace.performances().iter().any(|known| known.recording == *recording);
     is_known.then(|| recording.display().to_string()).ok_or_else(|| unknown(recording))
+}
+
+/// The folder `out/NAME` of a song's performances, as the verbs choose it.
+fn folder_of(workspace: &Workspace, song: &str, name: &str) -> Result<String, ApiError> {
+    let (_, song) = workspace.song(song)?;
+    Ok(folder_of_song(&Path::new("out").join(name), &song).display().to_string())
 }
 
 /// The song's title, and the player.

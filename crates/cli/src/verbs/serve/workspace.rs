@@ -136,15 +136,10 @@ impl Workspace {
     pub fn describe(&self, song: &str) -> Result<Value, ApiError> {
         let (listed, notes) = self.song(song)?;
         let (about, reference) = analysis_files(song);
-        let (problem, transpositions) = match notes.check_range() {
-            Ok(()) => (None, Vec::new()),
-            Err(error) => {
-                let fitting = match &error {
-                    SongError::OutOfRange(range) => range.transpositions.clone(),
-                    _ => Vec::new(),
-                };
-                (Some(error.to_string()), fitting)
-            }
+        let problem = notes.check_range().err();
+        let (outside, transpositions) = match &problem {
+            Some(SongError::OutOfRange(range)) => (range.notes.len(), range.transpositions.clone()),
+            _ => (0, Vec::new()),
         };
         // The output may be of an older file, or of another song with the same slug.
         let is_new = |path: &String| {
@@ -160,7 +155,8 @@ impl Workspace {
         Ok(json!({
             "song": song, "title": listed.title, "about": about, "reference": reference,
             "is_ready": is_ready,
-            "problem": problem, "transpositions": transpositions,
+            "problem": problem.map(|error| error.to_string()), "transpositions": transpositions,
+            "outside": outside, "notes": notes.notes().len(),
             "policy": pianist.as_ref().map(Pianist::name),
             "zero_shot": pianist.as_ref().is_some_and(Pianist::is_sight_reader),
             "policy_f1": pianist.and_then(|pianist| pianist.claimed_f1),

@@ -52,6 +52,7 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "CAN controller in bus-off; the hand's firmware times out after 100 ms",
+        twin: "[hand]\ntorque_timeout_secs = 0.1",
         ends: [Fault(2), Fault(2), Fault(2), Fault(2), Fault(2), GoesOn],
         says: "bus-off",
         lost: Lost::HandTimesOut,
