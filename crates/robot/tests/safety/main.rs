@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `playing` | an undisturbed robot starts, goes to the keyboard and follows |
 //! | `matrix` | each fault in each phase ends as its table says (`target/fault-matrix.md`) |
+//! | `stalls` | whenever the controller stood still, it goes on or names that as the cause |
 //! | `elsewhere` | whichever joint of the arm is not where it was sent, the robot stops |
 //! | `ordered` | each kind of fault that a parameter set can order ends a performance |
 //! | `recovery` | wires that come back, and what an operator may ask while the arm moves by itself |
@@ -34,4 +35,5 @@ mod ordered;
 mod playing;
 mod policy;
 mod recovery;
+mod stalls;
 mod weight;
