@@ -76,6 +76,9 @@ impl Robot {
                 let on_its_path = self.motion.has_arm_path();
                 self.plausibility.arm_elsewhere(now, &report.joints, &sent, on_its_path);
             }
+            if let Some(sent) = self.rail_arm.sent_elsewhere() {
+                self.plausibility.arm_target(now, &report.joints, report.target.as_ref(), &sent);
+            }
         }
         let rail_m = report.place.rail_m;
         self.status.journal.push(Record::Arm { at: now, measured: report.joints, sent, rail_m });
@@ -181,7 +184,7 @@ impl Robot {
         let wanted = self.joint_loop.pwm(at, &positions, &reference, self.rail_arm.palm_down());
         let pwm = self.hand.send_pwm(now, &wanted, frames);
         let may_press = may_press(&positions, self.rail_arm.is_on_path());
-        self.plausibility.hand(at, &positions, &reference, &pwm, may_press);
+        self.plausibility.hand(at, &positions, &reference, &pwm, &self.config.hand.pwm_limit, may_press);
         self.status.journal.push(Record::Hand { at, positions, reference, wanted, pwm });
     }
 

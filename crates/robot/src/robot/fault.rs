@@ -137,6 +137,7 @@ impl Fault {
                 | HandFault::PositionsStale { .. }
                 | HandFault::FramesLate { .. }
                 | HandFault::EncoderJump { .. }
+                | HandFault::EncoderUnsteady { .. }
                 | HandFault::OtherProgram
                 | HandFault::ServoOff => true,
                 HandFault::Reported { bits } => *bits == StatusBits::HOST_TIMEOUT,

@@ -57,8 +57,12 @@ fn a_stall_is_borne_or_named() {
             // What waited in the buffers is no fault.
             let borne = when == When::Stopped || millis <= MAX_GAP;
             assert!(goes_on || !borne, "{place}: {:?}", bench.notes);
-            writeln!(table, "{place}: {phase:?} {}", bench.robot.fault().map_or(String::new(), ToString::to_string))
-                .unwrap();
+            writeln!(
+                table,
+                "{place}: {phase:?} {}",
+                bench.robot.fault().map_or(String::new(), ToString::to_string)
+            )
+            .unwrap();
         }
     }
     println!("{table}");
@@ -68,7 +72,11 @@ fn a_stall_is_borne_or_named() {
 #[test]
 fn what_the_guard_did_meanwhile_is_not_the_cause() {
     for when in [When::Holding, When::Homing, When::Moving, When::Following] {
-        for stopped in [&[FaultKind::HandOff][..], &[FaultKind::ArmStopped], &[FaultKind::HandOff, FaultKind::ArmStopped]] {
+        for stopped in [
+            &[FaultKind::HandOff][..],
+            &[FaultKind::ArmStopped],
+            &[FaultKind::HandOff, FaultKind::ArmStopped],
+        ] {
             let mut bench = bench(&mut Dice::new(when as u64));
             bring(&mut bench, when);
             bench.stall(70);
