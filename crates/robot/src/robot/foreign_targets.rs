@@ -28,7 +28,7 @@ const TARGET_SHARE: f64 = 0.1;
 const TARGET_SECS: f64 = 0.015;
 /// Reports whose targets are ours before one that is not means something: what older firmware
 /// writes there is not known.
-const TRUSTED: u32 = 25;
+const TRUSTED: u32 = 10;
 /// A longer time between two reports says nothing.
 const MAX_SECS: f64 = 0.05;
 

@@ -1,6 +1,6 @@
 //! Measurements that are not plausible: values that repeat while the robot was sent elsewhere,
-//! joints that push at their limit for long, stand although they are pushed both ways or run away
-//! from where they are pushed, and an arm that is not where it was sent.
+//! joints that push at their limit for long, stand although they are pushed both ways or turn
+//! against their torque, and an arm that is not where it was sent.
 //!
 //! The thresholds are judgements. Playing on the twin (`standard` and `worn`, real execution)
 //! reaches 0.57 of the 0.8 for torques, 38 of the 80 mm along the keyboard, and no finger repeats
@@ -85,15 +85,15 @@ pub enum Implausible {
         /// Where it stays.
         rad: f64,
     },
-    /// A joint of the hand runs away from where it is pushed.
+    /// A joint of the hand turns against its torque.
     #[error(
-        "joint {joint} of the hand runs away from where it is pushed, to {rad:.2} rad: its encoder or its motor is connected the wrong way, or \
-         somebody pushes it; let go of it, then see `etude robot check --joints`"
+        "joint {joint} of the hand turns against its torque (at {rad:.2} rad): its encoder or its motor is connected the wrong way; do not run \
+         this hand before `etude robot check --joints` finds it right"
     )]
     JointRunsAway {
         /// Which joint, as on the wire.
         joint: usize,
-        /// Where it stands, rad.
+        /// Where it is, rad.
         rad: f64,
     },
     /// The arm reports the same angles, and was sent elsewhere.
@@ -266,6 +266,11 @@ impl PlausibilityChecks {
         if let Some((joint, heat)) = self.motor_heat.too_hot() {
             self.found.get_or_insert(Implausible::MotorHot { joint, share: heat.sqrt() });
         }
+    }
+
+    /// Pushes a joint the other way whose sign is in doubt.
+    pub fn ask(&self, wanted: &mut [f64; WIRE_JOINTS], limits: &[i16; WIRE_JOINTS]) {
+        self.runaways.ask(wanted, limits);
     }
 
     /// Takes a report of the arm, where that is, and where the arm was sent last along the

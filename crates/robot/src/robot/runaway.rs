@@ -1,44 +1,56 @@
-//! Joints of the hand that run away from where they are pushed: the encoder or the motor counts in
-//! the wrong direction.
+//! Joints of the hand that turn against their torque: the encoder or the motor counts in the wrong
+//! direction.
 //!
-//! Such a joint obeys nobody. It leaves its reference faster and faster, under a torque toward it,
-//! runs to a stop and is pushed against that with all its torque. A key, a fence or a person can
-//! push a finger away too; but a key bends a finger only upward, and nobody pushes one to where a
-//! joint of the wrong sign ends: a reading that mirrors one of its stops, or lies beyond the other.
+//! Such a joint runs away from its reference to a stop, and is pushed against that with all its
+//! torque. A key, a fence or a person can bring a finger to the same place, and what is measured
+//! does not tell who did. So a joint that stands although it is pushed hard is asked once: for a
+//! moment it is pushed the other way. Only a joint of the wrong sign then comes nearer to its
+//! reference. A finger on a key is not asked in vain: a note would stop.
 
 use std::time::Duration;
 
 use super::plausibility::Implausible;
-use crate::allegro::{JOINT_LIMITS_RAD, PLAYING, WIRE_JOINTS};
+use crate::allegro::{PLAYING, WIRE_JOINTS};
 
-/// Share of its limit with which a joint is pushed, at least, if that is to move it.
-const PUSHED_SHARE: f64 = 0.3;
-/// How fast and how far a joint runs away, rad/s and rad.
-const RUNS_RAD_S: f64 = 0.8;
-const RAN_RAD: f64 = 0.05;
-/// A rotation at the palm that runs as fast may end anywhere: at a fence, or at another finger.
-const RUNS_FAST_RAD_S: f64 = 2.0;
-/// How long it is then pushed hard and stands, share, s and rad.
+/// How hard (as a share of the limit), how long (s) and how still (rad) a joint stands that is
+/// asked.
 const HARD_SHARE: f64 = 0.7;
 const HARD_SECS: f64 = 0.3;
 const STANDS_RAD: f64 = 0.03;
-/// How near a stop a joint is that stands at it, and how far a stop may be outside the range, rad.
-const NEAR_STOP_RAD: f64 = 0.05;
-const STOP_OUTSIDE_RAD: f64 = 0.2;
-/// How far outside its range no joint can be that is pushed back, rad.
-const BEYOND_RAD: f64 = 0.1;
+/// With which share of its limit and how long it is pushed the other way, and how much nearer it
+/// must come, rad.
+const ASKS_SHARE: f64 = 0.5;
+const ASKS: Duration = Duration::from_millis(80);
+const NEARER_RAD: f64 = 0.03;
+/// How a finger over a key must have run away before it is asked: under a torque of this share,
+/// this fast (rad/s) and this far (rad).
+const PUSHED_SHARE: f64 = 0.3;
+const RUNS_RAD_S: f64 = 2.0;
+const RAN_RAD: f64 = 0.05;
 /// A longer time between two readings says nothing, s.
 const MAX_SECS: f64 = 0.05;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Joint {
     before: f64,
-    /// How far it ran away, and how far fast, less what it came back as it was pushed, rad.
+    share_before: f64,
+    /// How far it ran away, less what it came back as it was pushed, rad.
     ran_rad: f64,
-    ran_fast_rad: f64,
     stands_at: f64,
-    /// How long it has been pushed hard there: with the sign of the push.
+    /// How long it has been pushed hard there.
     hard_secs: f64,
+    asks: Option<Question>,
+    /// Where it stood when it answered that its sign is right.
+    obeyed_at: Option<f64>,
+}
+
+/// A joint is pushed the other way.
+#[derive(Clone, Copy, Debug)]
+struct Question {
+    since: Duration,
+    from_rad: f64,
+    /// The direction of its reference.
+    toward: f64,
 }
 
 /// Watches whether the joints of the hand turn as they are pushed.
@@ -49,8 +61,17 @@ pub(super) struct Runaways {
 }
 
 impl Runaways {
+    /// Pushes the joints that are asked the other way.
+    pub fn ask(&self, wanted: &mut [f64; WIRE_JOINTS], limits: &[i16; WIRE_JOINTS]) {
+        for ((wanted, joint), limit) in wanted.iter_mut().zip(&self.joints).zip(limits) {
+            if let Some(question) = joint.asks {
+                *wanted = -question.toward * ASKS_SHARE * f64::from(*limit);
+            }
+        }
+    }
+
     /// Takes a period's angles, where the joints were sent (rad), their torques as shares of their
-    /// limits, and which fingers may press a key. The first joint that ran away, if any.
+    /// limits, and which fingers may press a key. The first joint of the wrong sign, if any.
     pub fn take(
         &mut self,
         at: Duration,
@@ -63,16 +84,19 @@ impl Runaways {
         let mut found = None;
         for (joint, state) in self.joints.iter_mut().enumerate() {
             let (rad, share) = (positions[joint], shares[joint]);
-            let rotates = joint.is_multiple_of(4) && joint / 4 < PLAYING;
+            if state.asks.is_some() {
+                if state.answers_wrong(at, rad) {
+                    found = found.or(Some(Implausible::JointRunsAway { joint, rad }));
+                }
+                continue;
+            }
             state.push(secs, rad, reference[joint], share);
-            let in_fences = rotates && may_press.get(joint / 4) == Some(&true);
-            let ran = if rotates && state.ran_fast_rad > RAN_RAD {
-                !in_fences
-            } else {
-                state.ran_rad > RAN_RAD && ends_there(joint, rad, share)
-            };
-            if ran && state.hard_secs > HARD_SECS {
-                found = found.or(Some(Implausible::JointRunsAway { joint, rad }));
+            let on_key = may_press.get(joint / 4) == Some(&true);
+            let bends_onto_key = on_key && share > 0.0 && !joint.is_multiple_of(4);
+            let explained = bends_onto_key || on_key && state.ran_rad <= RAN_RAD;
+            let obeys = state.obeyed_at.is_some_and(|at| (rad - at).abs() <= STANDS_RAD);
+            if state.hard_secs > HARD_SECS && !explained && !obeys {
+                state.asks = Some(Question { since: at, from_rad: rad, toward: share.signum() });
             }
         }
         found
@@ -82,79 +106,112 @@ impl Runaways {
 impl Joint {
     fn push(&mut self, secs: f64, rad: f64, reference: f64, share: f64) {
         let moved = rad - std::mem::replace(&mut self.before, rad);
-        let toward = (reference - rad) * share > 0.0;
-        if secs <= 0.0 || secs > MAX_SECS || !toward {
-            (self.stands_at, self.hard_secs) = (rad, 0.0);
-            return;
-        }
-        let speed = moved * share.signum() / secs;
-        if share.abs() >= PUSHED_SHARE {
-            for (ran_rad, runs) in
-                [(&mut self.ran_rad, RUNS_RAD_S), (&mut self.ran_fast_rad, RUNS_FAST_RAD_S)]
-            {
-                if speed > 0.0 || speed < -runs {
-                    *ran_rad = (*ran_rad - moved * share.signum()).max(0.0);
-                }
+        let share_before = std::mem::replace(&mut self.share_before, share);
+        let is_known = secs > 0.0 && secs <= MAX_SECS;
+        if is_known && share_before.abs() >= PUSHED_SHARE {
+            let toward = moved * share_before.signum();
+            if toward > 0.0 || toward < -RUNS_RAD_S * secs {
+                self.ran_rad = (self.ran_rad - toward).max(0.0);
             }
         }
-        if share.abs() >= HARD_SHARE && (rad - self.stands_at).abs() <= STANDS_RAD {
+        let is_hard = share.abs() >= HARD_SHARE && (reference - rad) * share > 0.0;
+        if is_known && is_hard && (rad - self.stands_at).abs() <= STANDS_RAD {
             self.hard_secs += secs;
         } else {
             (self.stands_at, self.hard_secs) = (rad, 0.0);
         }
     }
-}
 
-/// Whether a joint of the wrong sign ends at this reading if it is pushed in this direction: at the
-/// stop that its reading mirrors, or, blocked on the way there, beyond the other one.
-fn ends_there(joint: usize, rad: f64, share: f64) -> bool {
-    let Some([low, high]) = JOINT_LIMITS_RAD.get(joint) else { return false };
-    if share > 0.0 {
-        rad < low - BEYOND_RAD || (-STOP_OUTSIDE_RAD..=NEAR_STOP_RAD).contains(&(high + rad))
-    } else {
-        rad > high + BEYOND_RAD || (-NEAR_STOP_RAD..=STOP_OUTSIDE_RAD).contains(&(low + rad))
+    /// Whether it has come nearer to its reference although it is pushed the other way.
+    fn answers_wrong(&mut self, at: Duration, rad: f64) -> bool {
+        let Some(question) = self.asks else { return false };
+        if (rad - question.from_rad) * question.toward > NEARER_RAD {
+            return true;
+        }
+        if at.saturating_sub(question.since) > ASKS {
+            let obeyed_at = Some(question.from_rad);
+            *self = Self { before: rad, stands_at: rad, obeyed_at, ..Self::default() };
+        }
+        false
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::allegro::PWM_LIMITS;
 
-    /// What is found within two seconds of a joint at `what(s)`: position, reference, torque.
-    fn found(joint: usize, what: impl Fn(f64) -> (f64, f64, f64)) -> Option<(f64, Implausible)> {
-        let mut runaways = Runaways::default();
-        (0..666u32).find_map(|period| {
-            let at = Duration::from_millis(3) * period;
-            let [mut positions, mut reference, mut shares] = [[0.0; WIRE_JOINTS]; 3];
-            (positions[joint], reference[joint], shares[joint]) = what(at.as_secs_f64());
-            let found = runaways.take(at, &positions, &reference, &shares, [false; PLAYING]);
-            found.map(|found| (at.as_secs_f64(), found))
-        })
+    const PERIOD: Duration = Duration::from_millis(3);
+
+    /// A joint between its stops at ±0.3 rad, as fast as it is pushed; how its reading counts; and
+    /// where somebody holds it, if so, at a time (s).
+    struct Plant {
+        joint: usize,
+        sign: f64,
+        from: f64,
+        reference: fn(f64) -> f64,
+        held: fn(f64) -> Option<f64>,
+        on_key: bool,
     }
 
-    /// From 0 rad at half a second, at this speed (rad/s), to `end` (rad).
-    fn run(secs: f64, speed: f64, end: f64) -> f64 {
-        (speed * (secs - 0.5).max(0.0)).min(end.abs()).copysign(end)
-    }
-
-    #[test]
-    fn a_joint_that_ends_at_a_mirrored_stop_is_found_within_half_a_second() {
-        for (joint, end) in [(5, 0.2), (15, 0.16), (5, -0.4), (4, 0.4), (8, -0.2)] {
-            let (at, _) = found(joint, |secs| (run(secs, 4.0, end), 0.0, -end.signum())).unwrap();
-            assert!((0.8..1.0).contains(&at), "joint {joint} to {end}: {at} s");
+    impl Plant {
+        /// When it is found within three seconds, s, and how many periods it was asked.
+        fn run(&self) -> (Option<f64>, u32) {
+            let (mut runaways, mut angle, mut asked) = (Runaways::default(), self.from, 0);
+            for period in 0..1000u32 {
+                let at = PERIOD * period;
+                let secs = at.as_secs_f64();
+                angle = (self.held)(secs).unwrap_or(angle);
+                let [mut positions, mut reference, mut shares] = [[0.0; WIRE_JOINTS]; 3];
+                positions[self.joint] = self.sign * angle;
+                reference[self.joint] = (self.reference)(secs);
+                let by_rad = reference[self.joint] - positions[self.joint];
+                let limit = f64::from(PWM_LIMITS[self.joint]);
+                let mut wanted = [0.0; WIRE_JOINTS];
+                wanted[self.joint] = limit * (8.0 * by_rad).clamp(-1.0, 1.0);
+                runaways.ask(&mut wanted, &PWM_LIMITS);
+                shares[self.joint] = wanted[self.joint] / limit;
+                asked += u32::from(shares[self.joint] * by_rad < 0.0);
+                let on_key = [self.on_key; PLAYING];
+                if runaways.take(at, &positions, &reference, &shares, on_key).is_some() {
+                    return (Some(secs), asked);
+                }
+                angle = (angle + 4.0 * shares[self.joint] * PERIOD.as_secs_f64()).clamp(-0.3, 0.3);
+            }
+            (None, asked)
         }
     }
 
+    const SOUND: Plant =
+        Plant { joint: 5, sign: 1.0, from: 0.01, reference: |_| 0.0, held: |_| None, on_key: false };
+
     #[test]
-    fn what_a_key_a_person_or_a_stop_does_is_not_that() {
-        // A person bends a finger, and holds it; a key keeps it from bending.
-        assert_eq!(found(5, |secs| (run(secs, 4.0, 0.8), 0.0, -1.0)), None);
-        assert_eq!(found(4, |secs| (run(secs, 1.5, 0.3), 0.0, -1.0)), None);
-        assert_eq!(found(6, |secs| (0.9 - run(secs, 4.0, 0.5), 0.9, 1.0)), None);
-        // Pushed against its own stop, and held there by little.
-        assert_eq!(found(5, |secs| (run(secs, 4.0, -0.2), -0.4, -1.0)), None);
-        assert_eq!(found(5, |secs| (run(secs, 4.0, 0.2), 0.0, -0.5)), None);
-        // It obeyed before it was held there.
-        assert_eq!(found(5, |secs| (0.8 - run(secs, 4.0, 0.6), 0.0, -1.0)), None);
+    fn a_joint_of_the_wrong_sign_is_found_within_a_second() {
+        for joint in 0..WIRE_JOINTS {
+            for from in [-0.3, -0.01, 0.01, 0.3] {
+                let plant = Plant { joint, sign: -1.0, from, ..SOUND };
+                let (at, asked) = plant.run();
+                assert!(at.is_some_and(|at| at < 1.0) && asked < 30, "joint {joint} from {from}: {at:?}");
+            }
+        }
+        // Among fences, if it ran there.
+        let rotates = Plant { joint: 4, sign: -1.0, on_key: true, ..SOUND };
+        assert!(rotates.run().0.is_some_and(|at| at < 1.0));
+    }
+
+    #[test]
+    fn a_joint_that_is_held_is_asked_once() {
+        let held: [fn(f64) -> Option<f64>; 3] =
+            [|_| Some(0.25), |secs| (secs < 1.5).then_some(-0.2), |secs| Some((3.0 * secs).min(0.2))];
+        for held in held {
+            let (at, asked) = Plant { held, ..SOUND }.run();
+            assert!(at.is_none() && (20..40).contains(&asked), "{at:?}, {asked}");
+        }
+        // Against its own stop, too.
+        let (at, asked) = Plant { reference: |_| 0.6, ..SOUND }.run();
+        assert!(at.is_none() && (20..40).contains(&asked), "{at:?}, {asked}");
+        // A finger on a key and one that obeys are never asked.
+        assert_eq!(Plant { held: |_| Some(-0.25), on_key: true, ..SOUND }.run(), (None, 0));
+        assert_eq!(Plant { reference: |secs| 0.25 * (6.0 * secs).sin(), ..SOUND }.run().0, None);
     }
 }

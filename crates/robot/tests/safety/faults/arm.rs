@@ -291,7 +291,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "another client sends the arm targets 0.02 rad away",
         ends: [Fault(700), Fault(600), Fault(600), Fault(600), Fault(600), GoesOn],
-        says: "another program sends targets|another program moves it",
+        says: "another program sends targets|another program moves it|another program keeps it there",
         strike: |b| b.mischief.other_client = target_beside(b, 0.02),
         ..ROW
     },

@@ -282,7 +282,7 @@ pub const ROWS: &[Row] = &[
         name: "an encoder counts in the wrong direction",
         // Near 0 rad its friction holds it; from there it runs to a stop, and pushes against that.
         ends: [GoesOn, Fault(1000), Fault(1000), Fault(1000), Fault(1000), GoesOn],
-        says: "joint 5 of the hand runs away|joint 5 reads",
+        says: "joint 5 of the hand turns against its torque|joint 5 reads",
         strike: |b| b.mischief.from_hand = Some(joint(5, i16::saturating_neg)),
         mend: |b| {
             b.mischief = Mischief::default();
