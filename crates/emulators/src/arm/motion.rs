@@ -96,6 +96,11 @@ impl Motion {
         }
     }
 
+    /// The servo target that it follows now, or where it is.
+    pub(super) fn target(&self) -> Joints {
+        if let Drive::Follow(target) = self.drive { target } else { self.joints }
+    }
+
     /// A servo target that arrives at this step.
     pub(super) fn follow(&mut self, at: u64, target: Joints) {
         if self.coming.len() == MAX_TARGETS {

@@ -49,11 +49,12 @@ impl ArmEmulator {
         }
     }
 
-    /// The report of port 30000 from its byte 15 on. The joints are where they were sent, and no
-    /// acceleration, torque or force is emulated.
+    /// The report of port 30000 from its byte 15 on. The targets of speed and pose are what they
+    /// are, and no acceleration, torque or force is emulated.
     fn push_motion(&self, report: &mut Vec<u8>) {
         let joints = self.motion.joints.map(|angle| angle as f32);
         let speeds = self.motion.speeds().map(|speed| speed as f32);
+        let target = self.motion.target().map(|angle| angle as f32);
         let tool = self.tool();
         let turn = logarithm(&tool.rotation);
         let [x, y, z, ..] = tool.to_wire();
@@ -61,7 +62,7 @@ impl ArmEmulator {
         let mut twist = self.twist().map(|value| value as f32);
         twist.iter_mut().take(3).for_each(|metres| *metres *= 1e3);
         for (at, values) in [
-            (32, &joints[..]),
+            (32, &target[..]),
             (60, &speeds),
             (116, &joints),
             (144, &speeds),

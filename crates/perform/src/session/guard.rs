@@ -58,8 +58,29 @@ pub struct Guard {
     line: UnixStream,
     /// When the last byte was sent.
     sent: Option<Instant>,
+    answers: Answers,
+}
+
+/// How long the guard has not answered.
+#[derive(Debug, Default)]
+struct Answers {
     /// When the first of the bytes was sent that have no answer.
     unanswered: Option<Instant>,
+    /// When this was looked at last.
+    looked: Option<Instant>,
+}
+
+impl Answers {
+    /// Whether the guard hangs. If this program itself stood still, so may have the whole machine:
+    /// the guard has its time from now on.
+    fn are_late(&mut self, now: Instant) -> bool {
+        let stood_still = self.looked.is_some_and(|at| now.duration_since(at) > 2 * HEARTBEAT_INTERVAL);
+        self.looked = Some(now);
+        if stood_still && self.unanswered.is_some() {
+            self.unanswered = Some(now);
+        }
+        self.unanswered.is_some_and(|since| now.duration_since(since) > ANSWER_TIMEOUT)
+    }
 }
 
 impl Guard {
@@ -72,7 +93,7 @@ impl Guard {
         let (line, mut child) = Self::spawn(program, rig).map_err(SessionError::Guard)?;
         let refused = match Self::devices_of(&mut child) {
             Ok(Some(devices)) if devices == devices_at(wires) => {
-                return Ok(Self { child, line, sent: None, unanswered: None });
+                return Ok(Self { child, line, sent: None, answers: Answers::default() });
             }
             Ok(Some(theirs)) => SessionError::OtherDevices {
                 file: rig.display().to_string(),
@@ -117,7 +138,7 @@ impl Guard {
         loop {
             match self.line.read(&mut answers) {
                 Ok(0) => return false,
-                Ok(_) => self.unanswered = None,
+                Ok(_) => self.answers.unanswered = None,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(_) => return false,
@@ -132,9 +153,9 @@ impl Guard {
                 }
                 _ => self.sent = Some(now),
             }
-            self.unanswered.get_or_insert(now);
+            self.answers.unanswered.get_or_insert(now);
         }
-        self.unanswered.is_none_or(|since| since.elapsed() <= ANSWER_TIMEOUT)
+        !self.answers.are_late(Instant::now())
     }
 
     /// Ends the guard. To be called only when the robot stands still.
@@ -194,4 +215,21 @@ pub fn run_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
         stopped = stop(rig);
     }
     Ok(Some(stopped))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_guard_hangs_only_if_it_does_not_answer_while_this_program_runs() {
+        let begun = Instant::now();
+        let at = |ms: u64| begun + Duration::from_millis(ms);
+        let answers = || Answers { unanswered: Some(at(0)), looked: Some(at(0)) };
+        let mut hangs = answers();
+        assert!((1..=50).all(|ms| !hangs.are_late(at(ms))) && hangs.are_late(at(51)));
+        let mut stalled = answers();
+        assert!(!stalled.are_late(at(80)), "both may have stood still");
+        assert!((81..=130).all(|ms| !stalled.are_late(at(ms))) && stalled.are_late(at(131)));
+    }
 }

@@ -112,7 +112,11 @@ impl Hand {
             HandMessage::Position { finger, counts } => return self.take_position(now, finger, counts),
             HandMessage::Information(information) => self.take_information(now, information),
             HandMessage::Temperature { finger, celsius } => self.take_temperature(now, finger, celsius),
-            HandMessage::Serial(serial) => self.known.serial = Some(serial),
+            HandMessage::Serial(serial) => {
+                if *self.known.serial.get_or_insert(serial) != serial {
+                    self.fail(HandFault::TwoHands);
+                }
+            }
         }
         HandEvent::Nothing
     }

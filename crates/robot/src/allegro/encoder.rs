@@ -5,7 +5,8 @@
 //! up to 0.13 rad outside), and zeros differ from hand to hand: half a radian outside is
 //! impossible. The highest speed in any source is 13 rad/s (allegro_hand_ros_v4); more than twice
 //! that is impossible too, except where an adapter delivers two periods at once. A single
-//! impossible reading is dropped and the last valid angle stays; several in a row are a fault.
+//! impossible reading is dropped and the last valid angle stays; several in a row are a fault, and
+//! so are many among good ones.
 
 use std::time::Duration;
 
@@ -18,14 +19,22 @@ const MARGIN_RAD: f64 = 0.5;
 const MAX_SPEED: f64 = 30.0;
 /// Valid at any speed, rad: one period at 13 rad/s, delivered together with the one before.
 const MAX_STEP_RAD: f64 = 0.05;
+/// Readings that have waited and are read at once were taken a period after each other.
+const PERIOD_SECS: f64 = 0.003;
 /// Impossible readings in a row that make a fault.
 const MAX_REJECTED: u8 = 3;
+/// Share of them among the last readings, of which each counts less than the next one by one part
+/// in [`READINGS`], that is a fault too.
+const MAX_SHARE: f64 = 0.1;
+/// The readings of a third of a second.
+const READINGS: f64 = 100.0;
 
 /// One joint's encoder.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Encoder {
     valid: Option<(Duration, f64)>,
     rejected: u8,
+    share: f64,
 }
 
 impl Encoder {
@@ -34,10 +43,15 @@ impl Encoder {
         self.valid.map(|(_, rad)| rad)
     }
 
+    /// The share of impossible readings among the last ones.
+    pub fn impossible_share(&self) -> f64 {
+        self.share
+    }
+
     /// Takes a reading of the flat joint `joint`; one that is impossible is dropped.
     ///
     /// # Errors
-    /// If the last readings were all impossible.
+    /// If the last readings were all impossible, or many of them.
     pub fn take(&mut self, now: Duration, joint: usize, counts: i16) -> Result<(), HandFault> {
         let rad = rad_from_counts(counts);
         let [lower, upper] = JOINT_LIMITS_RAD.get(joint).copied().unwrap_or_default();
@@ -45,7 +59,7 @@ impl Encoder {
             Some(HandFault::EncoderRange { joint, rad })
         } else if let Some((at, last)) = self.valid {
             let within = now.saturating_sub(at);
-            let possible = MAX_STEP_RAD + MAX_SPEED * within.as_secs_f64();
+            let possible = MAX_STEP_RAD + MAX_SPEED * within.as_secs_f64().max(PERIOD_SECS);
             ((rad - last).abs() > possible).then_some(HandFault::EncoderJump {
                 joint,
                 jump_rad: rad - last,
@@ -54,11 +68,18 @@ impl Encoder {
         } else {
             None
         };
+        self.share += (f64::from(u8::from(fault.is_some())) - self.share) / READINGS;
         let Some(fault) = fault else {
-            *self = Self { valid: Some((now, rad)), rejected: 0 };
+            (self.valid, self.rejected) = (Some((now, rad)), 0);
             return Ok(());
         };
         self.rejected = self.rejected.saturating_add(1);
-        if self.rejected >= MAX_REJECTED { Err(fault) } else { Ok(()) }
+        if self.rejected >= MAX_REJECTED {
+            Err(fault)
+        } else if self.share > MAX_SHARE {
+            Err(HandFault::EncoderUnsteady { joint, rad, percent: (self.share * 100.0).round() as u8 })
+        } else {
+            Ok(())
+        }
     }
 }

@@ -98,6 +98,24 @@ pub enum HandFault {
         /// What it reads.
         rad: f64,
     },
+    /// Impossible angles among possible ones.
+    #[error(
+        "{percent} % of the last readings of joint {joint} are impossible, as {rad:.2} rad: its encoder or cable is loose, or a second hand answers under this number; look at it first"
+    )]
+    EncoderUnsteady {
+        /// The flat joint.
+        joint: usize,
+        /// The last of them.
+        rad: f64,
+        /// Their share.
+        percent: u8,
+    },
+    /// Two hands of the same number.
+    #[error(
+        "two hands answer on this bus under one number (device_id), and their angles are mixed: disconnect the other one, or give it another \
+         number, then start again"
+    )]
+    TwoHands,
     /// An angle that the joint cannot have reached.
     #[error(
         "joint {joint} jumped by {jump_rad:.2} rad in {} ms: its encoder or cable is loose; look at it first",

@@ -16,6 +16,7 @@ mod driver;
 mod encoder;
 mod fault;
 mod fingers;
+mod frame_rate;
 mod gravity;
 mod joint_loop;
 mod limits;

@@ -6,6 +6,7 @@ use super::assembly::Assembly;
 use super::config::HandConfig;
 use super::encoder::Encoder;
 use super::fault::HandFault;
+use super::frame_rate::FrameRate;
 use super::limits::WIRE_JOINTS;
 use super::messages::{Information, Serial};
 
@@ -51,6 +52,7 @@ pub(super) struct Known {
     pub assembly: Assembly,
     pub encoders: [Encoder; WIRE_JOINTS],
     pub finger_at: [Option<Duration>; 4],
+    pub frame_rate: FrameRate,
     pub positions_at: Option<Duration>,
     pub information: Option<(Duration, Information)>,
     pub serial: Option<Serial>,

@@ -15,20 +15,19 @@ use crate::xarm::{ArmState, untried};
 /// Time between two releases of a stopped hand: a frame may be lost, and a failed bus may come
 /// back.
 const RELEASE_INTERVAL: Duration = Duration::from_millis(100);
-/// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
-const MAX_GAP: Duration = Duration::from_millis(100);
 
 impl Robot {
     /// Receives what has arrived, computes what is due, and sends it. Call it at least every few
     /// milliseconds.
     pub fn poll(&mut self, now: Duration, wires: &mut dyn Wires) {
+        let stalled = self.stalls.poll(now).filter(|_| self.is_live());
         self.keyboard.receive(now, wires, &mut self.bytes, &mut self.status.journal);
-        if let Err(fault) = self.receive(now, wires) {
+        let received = self.receive(now, wires);
+        // Who stood still finds fault with what arrived meanwhile.
+        if let Some(fault) = stalled.or(received.err()) {
             self.fail_if_used(now, fault, wires);
         }
-        let gap = now.saturating_sub(self.polled.unwrap_or(now));
-        self.polled = Some(now);
-        let checked = self.check(now, gap).and_then(|()| self.advance(now)).and_then(|()| self.move_arm(now));
+        let checked = self.check(now).and_then(|()| self.advance(now)).and_then(|()| self.move_arm(now));
         if let Err(fault) = checked {
             self.fail(now, fault, wires);
         }
@@ -78,6 +77,9 @@ impl Robot {
                 let on_its_path = self.motion.has_arm_path();
                 self.plausibility.arm_elsewhere(now, &report.joints, &sent, on_its_path);
             }
+            if let Some(sent) = self.rail_arm.sent_elsewhere() {
+                self.plausibility.arm_target(now, &report.joints, report.target.as_ref(), &sent);
+            }
         }
         let rail_m = report.place.rail_m;
         self.status.journal.push(Record::Arm { at: now, measured: report.joints, sent, rail_m });
@@ -85,7 +87,7 @@ impl Robot {
     }
 
     /// The fault that is present now, if any.
-    fn check(&self, now: Duration, gap: Duration) -> Result<(), Fault> {
+    fn check(&self, now: Duration) -> Result<(), Fault> {
         if !self.status.is_used() {
             return Ok(());
         }
@@ -100,9 +102,6 @@ impl Robot {
         }
         if !self.status.is_live() {
             return Ok(());
-        }
-        if gap > MAX_GAP {
-            return Err(Fault::Stalled { gap });
         }
         if let Some((joint, by_rad)) = self.following_error.found() {
             return Err(Fault::NotFollowing { joint, by_rad });
@@ -212,10 +211,11 @@ impl Robot {
         }
         let reference = self.set_points.reference(now);
         self.following_error.take(at, &positions, &reference, &self.config.limits);
-        let wanted = self.joint_loop.pwm(at, &positions, &reference, self.rail_arm.palm_down());
+        let mut wanted = self.joint_loop.pwm(at, &positions, &reference, self.rail_arm.palm_down());
+        self.plausibility.ask(&mut wanted, &self.config.hand.pwm_limit);
         let pwm = self.hand.send_pwm(now, &wanted, frames);
         let may_press = may_press(&positions, self.rail_arm.is_on_path());
-        self.plausibility.hand(at, &positions, &reference, &pwm, may_press);
+        self.plausibility.hand(at, &positions, &reference, &pwm, &self.config.hand.pwm_limit, may_press);
         self.status.journal.push(Record::Hand { at, positions, reference, wanted, pwm });
     }
 
@@ -239,6 +239,7 @@ impl Robot {
         if self.phase() == Phase::Fault {
             return;
         }
+        let fault = self.stalls.explain(now, fault);
         self.status.note(now, "fault", fault.to_string());
         self.release(now, wires);
         self.status.fault = Some(fault);
@@ -249,11 +250,12 @@ impl Robot {
     /// after the stop.
     fn update_fault(&mut self, now: Duration) {
         if let (Some(Fault::Arm(reported)), ArmState::Fault(known)) =
-            (&mut self.status.fault, self.rail_arm.arm.state())
+            (self.status.fault.as_ref().map(Fault::itself), self.rail_arm.arm.state())
             && *reported != known
         {
-            *reported = known;
-            self.status.note(now, "fault", Fault::Arm(known).to_string());
+            let fault = self.stalls.explain(now, known.into());
+            self.status.note(now, "fault", fault.to_string());
+            self.status.fault = Some(fault);
         }
     }
 

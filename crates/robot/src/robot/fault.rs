@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::plausibility::Implausible;
-use crate::allegro::HandFault;
+use crate::allegro::{HandFault, StatusBits};
 use crate::calibration::CalibrationError;
 use crate::can::CanError;
 use crate::keyboard::MidiError;
@@ -93,6 +93,18 @@ pub enum Fault {
         /// Why.
         source: KinematicsError,
     },
+    /// A fault that comes soon after a stall of this program, and may come of it.
+    #[error(
+        "this program stood still for {} ms, then: {}; close other programs on this machine, and see the line `real time` of `etude doctor`",
+        gap.as_millis(),
+        fault.without_remedy()
+    )]
+    AfterStall {
+        /// How long it stood still.
+        gap: Duration,
+        /// What came then.
+        fault: Box<Fault>,
+    },
     /// The controller was not polled for too long.
     #[error(
         "the controller did not run for {} ms, and the robot was not watched; close other programs on this machine, and see the line `real time` of `etude doctor`",
@@ -102,6 +114,58 @@ pub enum Fault {
         /// How long.
         gap: Duration,
     },
+}
+
+impl Fault {
+    /// The fault itself, without the stall before it.
+    pub fn itself(&self) -> &Self {
+        match self {
+            Self::AfterStall { fault, .. } => fault,
+            other => other,
+        }
+    }
+
+    /// What has happened, without what to do about it. Who was looked at last, and late, is not the
+    /// one to be repaired.
+    fn without_remedy(&self) -> String {
+        let text = self.to_string();
+        text.rsplit_once(": ").map_or_else(|| text.clone(), |(what, _)| what.to_string())
+    }
+
+    /// Whether this can come of a time in which the controller did not run: something is late, was
+    /// not kept up, or has been stopped for that.
+    pub(super) fn may_come_of_a_stall(&self) -> bool {
+        match self {
+            Self::Hand(fault) => match fault {
+                HandFault::NoInformation
+                | HandFault::InformationStale { .. }
+                | HandFault::PositionsStale { .. }
+                | HandFault::FramesLate { .. }
+                | HandFault::EncoderJump { .. }
+                | HandFault::EncoderUnsteady { .. }
+                | HandFault::OtherProgram
+                | HandFault::ServoOff => true,
+                HandFault::Reported { bits } => *bits == StatusBits::HOST_TIMEOUT,
+                _ => false,
+            },
+            Self::Arm(fault) => matches!(
+                fault,
+                ArmFault::ReplyTimeout { .. }
+                    | ArmFault::ReportStale
+                    | ArmFault::ReportsLate { .. }
+                    | ArmFault::UnexpectedState { .. }
+                    | ArmFault::NotReady
+                    | ArmFault::NotFollowing { .. }
+                    | ArmFault::LateReplies { .. }
+                    | ArmFault::RefusedTarget(_)
+            ),
+            Self::Implausible(implausible) => {
+                matches!(implausible, Implausible::ArmAway { .. } | Implausible::ArmOffPath { .. })
+            }
+            Self::NotFollowing { .. } | Self::StaleCommand { .. } => true,
+            _ => false,
+        }
+    }
 }
 
 /// Why a request was not followed. Nothing has moved.

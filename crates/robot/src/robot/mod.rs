@@ -22,7 +22,7 @@
 //! | `set_points` | the limited axes, and what the hand's joint loop follows between two steps |
 //! | `motion` | what moves them: `homing_plan` with its `slow_move` and `arm_path`, or a `trajectory` |
 //! | `rail_arm`, `keyboard_input` | the two devices and what is known of them |
-//! | `interlock`, `following_error`, `plausibility` | what stops or brakes the robot |
+//! | `interlock`, `following_error`, `plausibility`, `stall` | what stops or brakes the robot |
 //! | `requests`, `homing`, `cycle` | the robot itself: what it can be asked, its path to the keyboard, its cycle |
 
 mod arm_path;
@@ -30,6 +30,7 @@ mod axes;
 mod cycle;
 mod fault;
 mod following_error;
+mod foreign_targets;
 mod homing;
 mod homing_plan;
 mod interlock;
@@ -41,8 +42,10 @@ mod plausibility;
 mod rail_arm;
 mod record;
 mod requests;
+mod runaway;
 mod set_points;
 mod slow_move;
+mod stall;
 mod status;
 mod stuck_joint;
 mod trajectory;
@@ -74,6 +77,7 @@ use motion::Motion;
 use plausibility::PlausibilityChecks;
 use rail_arm::RailArm;
 use set_points::SetPoints;
+use stall::StallMonitor;
 use status::Status;
 
 /// The controller of a robot.
@@ -90,7 +94,7 @@ pub struct Robot {
     motion: Motion,
     following_error: FollowingError,
     plausibility: PlausibilityChecks,
-    polled: Option<Duration>,
+    stalls: StallMonitor,
     /// The longest time between two targets for the arm that is in the journal.
     noted_period: Option<Duration>,
     /// To be sent to the hand and to the arm.
@@ -120,7 +124,7 @@ impl Robot {
             motion: Motion::default(),
             following_error: FollowingError::default(),
             plausibility: PlausibilityChecks::default(),
-            polled: None,
+            stalls: StallMonitor::default(),
             noted_period: None,
             frames: Vec::new(),
             bytes: Vec::new(),
@@ -136,6 +140,8 @@ impl Robot {
         self.rail_arm.start();
         self.joint_loop.reset();
         self.keyboard.keyboard.acknowledge();
+        // A robot at rest need not be polled.
+        self.stalls = StallMonitor::default();
         self.hand.start(now);
         self.status.enter(now, Phase::Starting);
     }
@@ -151,7 +157,7 @@ impl Robot {
     /// `etude robot stop` was called, which stops hand and arm itself: that is not the fault that
     /// it looked like.
     pub fn stop_was_requested(&mut self, now: Duration) {
-        let is_the_stop = match &self.status.fault {
+        let is_the_stop = match self.status.fault.as_ref().map(Fault::itself) {
             Some(Fault::Hand(fault)) => matches!(fault, HandFault::ServoOff | HandFault::OtherProgram),
             Some(Fault::Arm(fault)) => matches!(fault, ArmFault::UnexpectedState { .. } | ArmFault::NotReady),
             _ => false,

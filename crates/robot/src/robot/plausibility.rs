@@ -1,6 +1,6 @@
 //! Measurements that are not plausible: values that repeat while the robot was sent elsewhere,
-//! joints that push at their limit for long or stand although they are pushed both ways, and an arm
-//! that is not where it was sent.
+//! joints that push at their limit for long, stand although they are pushed both ways or turn
+//! against their torque, and an arm that is not where it was sent.
 //!
 //! The thresholds are judgements. Playing on the twin (`standard` and `worn`, real execution)
 //! reaches 0.57 of the 0.8 for torques, 38 of the 80 mm along the keyboard, and no finger repeats
@@ -8,7 +8,9 @@
 
 use std::time::Duration;
 
+use super::foreign_targets::ForeignTargets;
 use super::motor_heat::MotorHeat;
+use super::runaway::Runaways;
 use super::stuck_joint::StuckJoints;
 use crate::allegro::{PLAYING, WIRE_JOINTS};
 use crate::calibration::RailPlace;
@@ -83,9 +85,21 @@ pub enum Implausible {
         /// Where it stays.
         rad: f64,
     },
+    /// A joint of the hand turns against its torque.
+    #[error(
+        "joint {joint} of the hand turns against its torque (at {rad:.2} rad): its encoder or its motor is connected the wrong way; do not run \
+         this hand before `etude robot check --joints` finds it right"
+    )]
+    JointRunsAway {
+        /// Which joint, as on the wire.
+        joint: usize,
+        /// Where it is, rad.
+        rad: f64,
+    },
     /// The arm reports the same angles, and was sent elsewhere.
     #[error(
-        "the arm has reported the same angles for {} ms while it was sent {:.0} mm back and forth: see what holds it, and look at its control box",
+        "the arm has reported the same angles for {} ms while it was sent {:.0} mm back and forth: see what holds it, whether another program \
+         keeps it there, and look at its control box",
         since.as_millis(),
         sent_m * 1e3
     )]
@@ -97,8 +111,8 @@ pub enum Implausible {
     },
     /// The arm reports the same angles on its way to the keyboard.
     #[error(
-        "the arm has reported the same angles for {} ms while it was sent {sent_rad:.2} rad on its path: see what holds it, and look at its control \
-         box",
+        "the arm has reported the same angles for {} ms while it was sent {sent_rad:.2} rad on its path: see what holds it, whether another \
+         program keeps it there, and look at its control box",
         since.as_millis()
     )]
     ArmFrozenOnPath {
@@ -112,6 +126,28 @@ pub enum Implausible {
         "joint {joint} of the arm is {by_rad:.2} rad from where it was sent or stood: see what holds it, and whether another program moves it"
     )]
     ArmOffPath {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// How far, rad.
+        by_rad: f64,
+    },
+    /// The arm reports a target that this program has not sent.
+    #[error(
+        "another program sends targets to the arm ({by_rad:.3} rad from all that this program has sent joint {joint}): close UFACTORY Studio and \
+         other scripts that use the arm, then start again"
+    )]
+    ArmTargetForeign {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// How far, rad.
+        by_rad: f64,
+    },
+    /// The arm is where it was not sent lately.
+    #[error(
+        "joint {joint} of the arm is {by_rad:.3} rad from everywhere it was sent in the last half second: another program sends targets to the \
+         arm (close UFACTORY Studio and other scripts that use it), or something holds or pushes it (see what holds it)"
+    )]
+    ArmElsewhere {
         /// Which joint, counted from 1.
         joint: usize,
         /// How far, rad.
@@ -187,6 +223,8 @@ pub(super) struct PlausibilityChecks {
     fingers: [Option<Reported<4, 4>>; FINGERS],
     pub motor_heat: MotorHeat,
     stuck: StuckJoints,
+    runaways: Runaways,
+    foreign: ForeignTargets,
     arm: Option<Reported<{ kinematics::ARM_JOINTS }, 1>>,
     arm_way: Option<Reported<{ kinematics::ARM_JOINTS }, { kinematics::ARM_JOINTS }>>,
     away_since: Option<Duration>,
@@ -204,18 +242,23 @@ impl PlausibilityChecks {
         *self = Self { motor_heat: self.motor_heat, ..Self::default() };
     }
 
-    /// Takes a period's angles, where the joints were sent (rad), the torques, and which fingers
-    /// may press a key.
+    /// Takes a period's angles, where the joints were sent (rad), the torques and their limits, and
+    /// which fingers may press a key.
     pub fn hand(
         &mut self,
         at: Duration,
         positions: &[f64; WIRE_JOINTS],
         reference: &[f64; WIRE_JOINTS],
         pwm: &[i16; WIRE_JOINTS],
+        limits: &[i16; WIRE_JOINTS],
         may_press: [bool; PLAYING],
     ) {
         if let Some((joint, rad)) = self.stuck.take(at, positions, reference, may_press) {
             self.found.get_or_insert(Implausible::JointStuck { joint, rad });
+        }
+        let shares = std::array::from_fn(|joint| f64::from(pwm[joint]) / f64::from(limits[joint].max(1)));
+        if let Some(found) = self.runaways.take(at, positions, reference, &shares, may_press) {
+            self.found.get_or_insert(found);
         }
         let (positions, _) = positions.as_chunks::<4>();
         let (reference, _) = reference.as_chunks::<4>();
@@ -230,6 +273,11 @@ impl PlausibilityChecks {
         if let Some((joint, heat)) = self.motor_heat.too_hot() {
             self.found.get_or_insert(Implausible::MotorHot { joint, share: heat.sqrt() });
         }
+    }
+
+    /// Pushes a joint the other way whose sign is in doubt.
+    pub fn ask(&self, wanted: &mut [f64; WIRE_JOINTS], limits: &[i16; WIRE_JOINTS]) {
+        self.runaways.ask(wanted, limits);
     }
 
     /// Takes a report of the arm, where that is, and where the arm was sent last along the
@@ -279,6 +327,19 @@ impl PlausibilityChecks {
             self.away_since = None;
         } else if at.saturating_sub(*self.away_since.get_or_insert(at)) > AWAY {
             self.found.get_or_insert(Implausible::ArmOffPath { joint, by_rad });
+        }
+    }
+
+    /// Takes a report of the arm anywhere, with the target in it, and where it was sent last, rad.
+    pub fn arm_target(
+        &mut self,
+        at: Duration,
+        joints: &[f64; kinematics::ARM_JOINTS],
+        target: Option<&[f64; kinematics::ARM_JOINTS]>,
+        sent: &[f64; kinematics::ARM_JOINTS],
+    ) {
+        if let Some(found) = self.foreign.take(at, joints, target, sent) {
+            self.found.get_or_insert(found);
         }
     }
 

@@ -26,6 +26,8 @@ const NEAR_KEYS_M: f64 = 0.15;
 /// A report of the arm.
 pub(super) struct ArmReport {
     pub joints: [f64; ARM_JOINTS],
+    /// The target that it follows, if it reports that.
+    pub target: Option<[f64; ARM_JOINTS]>,
     pub place: RailPlace,
 }
 
@@ -142,7 +144,8 @@ impl RailArm {
         };
         self.reported_at = self.arm.joints_at();
         self.palm_down = self.path.palm_down(&joints);
-        Ok(Some(ArmReport { joints, place: self.path.place(&joints) }))
+        let target = self.arm.report().and_then(|report| report.target_rad).map(|rad| rad.map(f64::from));
+        Ok(Some(ArmReport { joints, target, place: self.path.place(&joints) }))
     }
 
     /// Whether this is the arm of the calibration.

@@ -124,7 +124,7 @@ impl Robot {
     pub fn follow(&mut self, begun: Duration, waypoints: &[[f64; DRIVEN]]) -> Result<(), Refused> {
         // A beginning in the future would delay the check of the age of commands.
         let ahead = Duration::from_secs_f64(self.config.limits.stale_command_secs);
-        let begun = self.polled.map_or(begun, |polled| begun.min(polled.saturating_add(ahead)));
+        let begun = self.stalls.polled().map_or(begun, |polled| begun.min(polled.saturating_add(ahead)));
         if self.phase() != Phase::Following {
             self.status.require(Phase::Holding)?;
             let Some(first) = waypoints.first() else { return Ok(()) };

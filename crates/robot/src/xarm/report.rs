@@ -17,7 +17,8 @@ const SIZE: usize = 87;
 const TIMED_SIZE: usize = 784;
 /// Largest plausible size word.
 const MAX_SIZE: usize = 1024;
-/// Where a report of port 30000 has the joints as they are; those before are where they were sent.
+/// Where a report of port 30000 has the joints where they were sent, and as they are.
+const TIMED_TARGET: usize = 32;
 const TIMED_JOINTS: usize = 116;
 
 /// What the driver reads of a report. The pose and the torques after the joints are not looked at.
@@ -31,6 +32,8 @@ pub struct Report {
     pub joints_rad: [f32; ARM_JOINTS],
     /// The time at the controller, which only port 30000 gives.
     pub sent_at: Option<Duration>,
+    /// Where the joints were sent, rad, which only port 30000 gives.
+    pub target_rad: Option<[f32; ARM_JOINTS]>,
 }
 
 /// Beyond what any model's joints reach, rad: encoders and stops have some play. An angle farther
@@ -57,10 +60,11 @@ impl Report {
         // Then state and mode, and the length of the queue.
         let (&[state_and_mode, _, _], rest) = rest.split_first_chunk()?;
         let joints_rad = floats(if sent_at.is_some() { frame.get(TIMED_JOINTS..)? } else { rest })?;
+        let target_rad = sent_at.and_then(|_| floats(frame.get(TIMED_TARGET..)?));
         let (state, mode) = (state_and_mode & 0x0F, state_and_mode >> 4);
         // The modes and states that xArm-Python-SDK accepts.
         let possible = state <= 9 && mode <= 11 && possible_joints(&joints_rad);
-        possible.then_some(Self { state, mode, joints_rad, sent_at })
+        possible.then_some(Self { state, mode, joints_rad, sent_at, target_rad })
     }
 }
 
@@ -113,6 +117,7 @@ mod tests {
             mode,
             joints_rad,
             sent_at: None,
+            target_rad: None,
         })
     }
 
@@ -128,6 +133,9 @@ mod tests {
         frame[state_at] = report.state | report.mode << 4;
         frame[joints_at..joints_at + 28]
             .copy_from_slice(report.joints_rad.map(f32::to_le_bytes).as_flattened());
+        if let Some(target_rad) = report.target_rad {
+            frame[32..60].copy_from_slice(target_rad.map(f32::to_le_bytes).as_flattened());
+        }
         frame
     }
 
@@ -135,7 +143,8 @@ mod tests {
     #[test]
     fn impossible_angles_are_rejected() {
         let report = |joint: usize, angle: f64| {
-            let mut report = Report { state: 2, mode: 1, joints_rad: [0.0; 7], sent_at: None };
+            let mut report =
+                Report { state: 2, mode: 1, joints_rad: [0.0; 7], sent_at: None, target_rad: None };
             report.joints_rad[joint] = angle as f32;
             Report::read(&frame(&report, 0)).is_some()
         };
@@ -157,7 +166,10 @@ mod tests {
             mut reports in prop::collection::vec(any_report(), 1..5), longer in 0..240_usize, cut in 1..300_usize,
             sent_us in prop::option::of(any::<u64>()),
         ) {
-            reports.iter_mut().for_each(|report| report.sent_at = sent_us.map(Duration::from_micros));
+            for report in &mut reports {
+                report.sent_at = sent_us.map(Duration::from_micros);
+                report.target_rad = sent_us.map(|_| report.joints_rad.map(|angle| angle + 0.01));
+            }
             let stream: Vec<u8> = reports.iter().flat_map(|report| frame(report, longer)).collect();
             let (mut parser, mut found) = (ReportParser::default(), Vec::new());
             for mut piece in stream.chunks(cut) {

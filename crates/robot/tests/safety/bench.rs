@@ -1,6 +1,8 @@
 //! A controller and a twin with somebody at the wires between them. Whole faults of devices and
 //! wires are the twin's own ([`FaultKind`]).
 
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::OnceLock;
 use std::time::Duration;
 
@@ -188,6 +190,16 @@ impl Bench {
     /// The controller does not run; the twin does.
     pub fn stall(&mut self, millis: u32) {
         (0..millis).for_each(|_| self.lockstep.step());
+    }
+
+    /// Holds the arm's replies back; then they come together.
+    pub fn hold_replies(&mut self, millis: u32) {
+        let held = Rc::new(RefCell::new(Vec::new()));
+        let keep = Rc::clone(&held);
+        self.mischief.alter_replies = Some(Box::new(move |bytes| keep.borrow_mut().append(bytes)));
+        self.run(millis);
+        self.mischief.alter_replies = None;
+        self.mischief.replies.append(&mut held.borrow_mut());
     }
 
     /// Milliseconds until something is so, if it comes within the limit.

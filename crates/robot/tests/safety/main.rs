@@ -5,6 +5,9 @@
 //! | `playing` | an undisturbed robot starts, goes to the keyboard and follows |
 //! | `links` | late replies of the arm cost time, not the motion |
 //! | `matrix` | each fault in each phase ends as its table says (`target/fault-matrix.md`) |
+//! | `stalls` | whenever the controller stood still, it goes on or names that as the cause |
+//! | `other_client` | who else sends the arm targets is seen, and no arm that lags is taken for that |
+//! | `runaway` | a joint of the wrong sign pushes for less than a second, a pushed one is none |
 //! | `elsewhere` | whichever joint of the arm is not where it was sent, the robot stops |
 //! | `ordered` | each kind of fault that a parameter set can order ends a performance |
 //! | `recovery` | wires that come back, and what an operator may ask while the arm moves by itself |
@@ -34,8 +37,11 @@ mod links;
 mod matrix;
 mod mischief;
 mod ordered;
+mod other_client;
 mod page;
 mod playing;
 mod policy;
 mod recovery;
+mod runaway;
+mod stalls;
 mod weight;

@@ -19,7 +19,7 @@ use crate::policy::Policy;
 const WARNED_WITHIN: u32 = 12_000;
 
 /// Brings a stopped robot with nothing wrong into a phase.
-fn bring(bench: &mut Bench, when: When) {
+pub fn bring(bench: &mut Bench, when: When) {
     if bench.robot.phase() != Phase::Off {
         bench.stop();
         bench.run(300);
@@ -62,7 +62,8 @@ fn bring(bench: &mut Bench, when: When) {
     }
 }
 
-fn expected_phase(when: When) -> &'static [Phase] {
+/// The phases in which a robot may be that goes on.
+pub fn expected_phase(when: When) -> &'static [Phase] {
     match when {
         When::Starting => &[Phase::Starting, Phase::Holding],
         When::Holding => &[Phase::Holding],

@@ -1,7 +1,5 @@
 //! A robot that nobody disturbs.
 
-use std::cell::RefCell;
-use std::rc::Rc;
 use std::time::Duration;
 
 use etude_emulators::ReportKind;
@@ -122,7 +120,7 @@ fn replies_that_were_held_back_make_no_leap() {
             }
             (bench.judge.worst_step_m, bench.judge.worst_m_s2) = (0.0, 0.0);
             let targets = bench.judge.targets;
-            hold_replies(&mut bench, held_ms);
+            bench.hold_replies(held_ms);
             bench.run(400);
             assert!(bench.judge.targets > targets, "nothing was sent afterwards");
             let (step_mm, m_s2) = (bench.judge.worst_step_m * 1e3, bench.judge.worst_m_s2);
@@ -147,21 +145,11 @@ proptest! {
         bench.follow(policy);
         bench.run(200);
         for (held_ms, then_ms) in delays {
-            hold_replies(&mut bench, held_ms);
+            bench.hold_replies(held_ms);
             let targets = bench.judge.targets;
             bench.run(then_ms);
             let sends = bench.robot.phase() != Phase::Following || then_ms < 20 || bench.judge.targets > targets;
             prop_assert!(sends, "nothing was sent after {held_ms} ms");
         }
     }
-}
-
-/// Holds the arm's replies back; then they come together.
-fn hold_replies(bench: &mut Bench, millis: u32) {
-    let held = Rc::new(RefCell::new(Vec::new()));
-    let keep = Rc::clone(&held);
-    bench.mischief.alter_replies = Some(Box::new(move |bytes| keep.borrow_mut().append(bytes)));
-    bench.run(millis);
-    bench.mischief.alter_replies = None;
-    bench.mischief.replies.append(&mut held.borrow_mut());
 }

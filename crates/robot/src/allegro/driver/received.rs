@@ -12,6 +12,8 @@ use crate::allegro::state::{HandEvent, HandState, Step};
 /// during one.
 const LATE_REPLIES: u32 = 3;
 const GENERATION: u8 = 4;
+/// A share of impossible readings of another finger with which they are not one encoder's fault.
+const OTHER_SHARE: f64 = 0.03;
 
 impl Hand {
     pub(super) fn take_position(&mut self, now: Duration, finger: Finger, counts: [i16; 4]) -> HandEvent {
@@ -26,14 +28,27 @@ impl Hand {
         if taken.duplicate {
             return event;
         }
+        let period = Duration::from_millis(self.config.period_ms.into());
+        if self.state == HandState::Ready && self.known.frame_rate.take(now, period) {
+            self.fail(HandFault::TwoHands);
+        }
         let first = 4 * finger.number();
         for (joint, counts) in (first..).zip(counts) {
             let encoder = self.known.encoders.get_mut(joint);
             if let Some(Err(fault)) = encoder.map(|encoder| encoder.take(now, joint, counts)) {
-                self.fail(fault);
+                let two_hands =
+                    matches!(fault, HandFault::EncoderUnsteady { .. }) && self.is_unsteady_beside(finger);
+                self.fail(if two_hands { HandFault::TwoHands } else { fault });
             }
         }
         event
+    }
+
+    /// Whether another finger has impossible readings as well.
+    fn is_unsteady_beside(&self, finger: Finger) -> bool {
+        let fingers = self.known.encoders.as_chunks::<4>().0.iter().enumerate();
+        let mut others = fingers.filter(|(other, _)| *other != finger.number());
+        others.any(|(_, joints)| joints.iter().any(|encoder| encoder.impossible_share() > OTHER_SHARE))
     }
 
     pub(super) fn tick(&mut self, taken: Taken) -> HandEvent {

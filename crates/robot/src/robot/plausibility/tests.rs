@@ -11,7 +11,7 @@ fn after(
     let mut plausibility = PlausibilityChecks::default();
     for period in 0..count {
         let (positions, reference, pwm) = what(period);
-        plausibility.hand(PERIOD * period, &positions, &reference, &pwm, [false; PLAYING]);
+        plausibility.hand(PERIOD * period, &positions, &reference, &pwm, &PWM_LIMITS, [false; PLAYING]);
     }
     plausibility.found().cloned()
 }

@@ -48,12 +48,15 @@ fn random_frame(random: &mut Pcg64, hostile: f64) -> CanFrame {
     if random.random_bool(0.1) {
         return CanFrame::remote(id).unwrap();
     }
+    // More positions would be those of two hands.
+    let id = if !wild && (0x80..=0x8C).contains(&id) && random.random_bool(0.8) { 0x40 } else { id };
     let small = random.random_range(0..100);
     let (data, len) = match id {
         _ if wild => (random.random(), random.random_range(0..=8)),
         0x200 => ([0, 4, 1, 1, 1, 30, 1, 0], 7),
         0xE0 | 0xE4 => ([30; 8], 4),
         0x80..=0x8C => ([small, 0, small, 0, small, 0, small, 0], 8),
+        0x220 => (*b"A0000001", 8),
         0x204 => ([3, 0, 0, 0, 0, 0, 0, 0], 6),
         0x100 | 0x104 => ([0; 8], 0),
         _ => (random.random(), 8),

@@ -47,6 +47,14 @@ pub fn report_joints(bench: &mut Bench, change: impl Fn(&mut [f32; 7]) + 'static
     }));
 }
 
+/// A request of another client: a servo target that is `by_rad` from where joint 1 is now.
+pub fn target_beside(bench: &Bench, by_rad: f64) -> Vec<u8> {
+    let mut joints = bench.lockstep.twin.devices.arm.joints();
+    joints[0] += by_rad;
+    let floats = joints.iter().chain(&[0.0; 3]).flat_map(|value| (*value as f32).to_le_bytes());
+    [29].into_iter().chain(floats).collect()
+}
+
 pub const ROWS: &[Row] = &[
     Row {
         name: "arm's link cut",
@@ -276,14 +284,31 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "another client sends the arm targets 0.3 rad away",
         ends: [Fault(700), Fault(500), Fault(500), Fault(500), Fault(500), GoesOn],
-        says: "turned by 0.30 rad|a joint would be too fast|the tool would be too fast",
-        strike: |b| {
-            let mut joints = b.lockstep.twin.devices.arm.joints();
-            joints[0] += 0.3;
-            let floats = joints.iter().chain(&[0.0; 3]).flat_map(|value| (*value as f32).to_le_bytes());
-            b.mischief.other_client = [29].into_iter().chain(floats).collect();
-        },
-        mend: |b| b.mischief = Mischief::default(),
+        says: "turned by 0.30 rad|another program sends targets|a joint would be too fast|the tool would be too fast",
+        strike: |b| b.mischief.other_client = target_beside(b, 0.3),
+        ..ROW
+    },
+    Row {
+        name: "another client sends the arm targets 0.02 rad away",
+        ends: [Fault(700), Fault(600), Fault(600), Fault(600), Fault(600), GoesOn],
+        says: "another program sends targets|another program moves it|another program keeps it there",
+        strike: |b| b.mischief.other_client = target_beside(b, 0.02),
+        ..ROW
+    },
+    Row {
+        name: "another client sends the arm targets 0.02 rad away, and its reports say so (port 30000)",
+        ends: [Fault(700), Fault(100), Fault(100), Fault(100), Fault(100), GoesOn],
+        says: "another program sends targets",
+        timed: true,
+        strike: |b| b.mischief.other_client = target_beside(b, 0.02),
+        ..ROW
+    },
+    Row {
+        name: "another client keeps the arm where it is",
+        // At rest that is where it was sent.
+        ends: [GoesOn, GoesOn, Fault(2500), Fault(2500), Fault(2000), GoesOn],
+        says: "another program sends targets|another program moves it|another program keeps it there",
+        strike: |b| b.mischief.other_client = target_beside(b, 0.0),
         ..ROW
     },
     Row {

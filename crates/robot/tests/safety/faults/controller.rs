@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use etude_twin::FaultKind;
+
 use super::End::{self, Fault, GoesOn, Never};
 use super::{ROW, Row};
 use crate::bench::Bench;
@@ -37,6 +39,32 @@ pub const ROWS: &[Row] = &[
             let held = b.lockstep.twin.devices.hand.pwm();
             b.stall(198);
             assert_eq!(b.lockstep.twin.devices.hand.pwm(), held);
+        },
+        ..ROW
+    },
+    Row {
+        name: "controller does not run for 80 ms",
+        // What waits in the buffers meanwhile is not old.
+        strike: |b| b.stall(80),
+        ..ROW
+    },
+    Row {
+        name: "controller does not run for 5 s",
+        ends: [Fault(5), Fault(2), Fault(2), Fault(2), Fault(2), GoesOn],
+        says: "the controller did not run for 5001 ms|this program stood still for 5001 ms",
+        strike: |b| b.stall(5000),
+        ..ROW
+    },
+    Row {
+        name: "controller does not run for 85 ms, and its guard stops hand and arm",
+        // A start that is under way switches both on again.
+        ends: [GoesOn, Fault(110), Fault(110), Fault(110), Fault(110), GoesOn],
+        says: "this program stood still for 86 ms",
+        strike: |b| {
+            b.stall(70);
+            b.begin(FaultKind::HandOff);
+            b.begin(FaultKind::ArmStopped);
+            b.stall(15);
         },
         ..ROW
     },

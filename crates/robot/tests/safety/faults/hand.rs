@@ -34,6 +34,16 @@ fn joint(joint: u16, mut change: impl FnMut(i16) -> i16 + 'static) -> AlterFrame
     Box::new(move |frame| vec![if frame.id() == id { with_word(&frame, at, &mut change) } else { frame }])
 }
 
+/// Each frame of positions is followed by one of another hand, whose readings of a finger's second
+/// joint are so many counts away.
+fn beside_another_hand(counts: i16) -> AlterFrame {
+    Box::new(move |frame| {
+        let is_position = (POSITIONS..POSITIONS + 16).contains(&frame.id()) && frame.payload().len() == 8;
+        let other = is_position.then(|| with_word(&frame, 1, |own| own.saturating_add(counts)));
+        std::iter::once(frame).chain(other).collect()
+    })
+}
+
 /// Of another program: positions every 3 ms, no other stream.
 fn periods() -> CanFrame {
     HostMessage::Positions(3).encode(DeviceId::default())
@@ -217,6 +227,36 @@ pub const ROWS: &[Row] = &[
         ..ROW
     },
     Row {
+        name: "two hands answer under one number, in different poses",
+        ends: [Fault(300), Fault(60), Fault(60), Fault(60), Fault(60), GoesOn],
+        says: "two hands answer on this bus",
+        stays: true,
+        strike: |b| b.mischief.from_hand = Some(beside_another_hand(5000)),
+        ..ROW
+    },
+    Row {
+        name: "two hands answer under one number, in the same pose",
+        ends: [Fault(1500), Fault(1000), Fault(1000), Fault(1000), Fault(1000), GoesOn],
+        says: "two hands answer on this bus",
+        stays: true,
+        strike: |b| b.mischief.from_hand = Some(beside_another_hand(7)),
+        ..ROW
+    },
+    Row {
+        name: "every fifth reading of an encoder is impossible",
+        ends: [Fault(400), Fault(300), Fault(300), Fault(300), Fault(300), GoesOn],
+        says: "of the last readings of joint 6 are impossible",
+        stays: true,
+        strike: |b| {
+            let mut number = 0;
+            b.mischief.from_hand = Some(joint(6, move |counts| {
+                number += 1;
+                if number % 5 == 0 { counts.saturating_add(9000) } else { counts }
+            }));
+        },
+        ..ROW
+    },
+    Row {
         name: "an encoder reads its highest number (0x7FFF)",
         ends: [Fault(150), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "joint 9 reads 2.91 rad",
@@ -242,8 +282,8 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "an encoder counts in the wrong direction",
         // Near 0 rad its friction holds it; from there it runs to a stop, and pushes against that.
-        ends: [GoesOn, Fault(17_000), Fault(10_000), Fault(17_000), Fault(6000), GoesOn],
-        says: "joint 5",
+        ends: [GoesOn, Fault(1000), Fault(1000), Fault(1000), Fault(1000), GoesOn],
+        says: "joint 5 of the hand turns against its torque|joint 5 reads",
         strike: |b| b.mischief.from_hand = Some(joint(5, i16::saturating_neg)),
         mend: |b| {
             b.mischief = Mischief::default();

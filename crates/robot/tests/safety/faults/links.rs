@@ -43,6 +43,12 @@ pub const ROWS: &[Row] = &[
         ..ROW
     },
     Row {
+        name: "the arm's link delays everything by 2 to 8 ms, each time by another",
+        twin: "[links.arm]\ndelay_secs = 0.002\njitter_secs = 0.006",
+        ..ROW
+    },
+    Row { name: "a reply of the arm comes 50 ms late", strike: |b| b.hold_replies(50), ..ROW },
+    Row {
         name: "the arm's reports pause for 50 ms",
         strike: |b| {
             let mut left = 5;

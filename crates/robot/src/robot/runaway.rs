@@ -1,0 +1,217 @@
+//! Joints of the hand that turn against their torque: the encoder or the motor counts in the wrong
+//! direction.
+//!
+//! Such a joint runs away from its reference to a stop, and is pushed against that with all its
+//! torque. A key, a fence or a person can bring a finger to the same place, and what is measured
+//! does not tell who did. So a joint that stands although it is pushed hard is asked once: for a
+//! moment it is pushed the other way. Only a joint of the wrong sign then comes nearer to its
+//! reference. A finger on a key is not asked in vain: a note would stop.
+
+use std::time::Duration;
+
+use super::plausibility::Implausible;
+use crate::allegro::{PLAYING, WIRE_JOINTS};
+
+/// How hard (as a share of the limit), how long (s) and how still (rad) a joint stands that is
+/// asked.
+const HARD_SHARE: f64 = 0.7;
+const HARD_SECS: f64 = 0.3;
+const STANDS_RAD: f64 = 0.03;
+/// With which share of its limit and how long it is pushed the other way, and how much nearer it
+/// must come, rad.
+const ASKS_SHARE: f64 = 0.5;
+const ASKS: Duration = Duration::from_millis(80);
+const NEARER_RAD: f64 = 0.03;
+/// How a finger over a key must have run away before it is asked: under a torque of this share,
+/// this fast (rad/s) and this far (rad).
+const PUSHED_SHARE: f64 = 0.3;
+const RUNS_RAD_S: f64 = 2.0;
+const RAN_RAD: f64 = 0.05;
+/// A longer time between two readings says nothing, s.
+const MAX_SECS: f64 = 0.05;
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Joint {
+    before: f64,
+    share_before: f64,
+    /// How far it ran away, less what it came back as it was pushed, rad.
+    ran_rad: f64,
+    stands_at: f64,
+    /// How long it has been pushed hard there.
+    hard_secs: f64,
+    asks: Option<Question>,
+    /// Where it stood when it answered that its sign is right.
+    obeyed_at: Option<f64>,
+}
+
+/// A joint is pushed the other way.
+#[derive(Clone, Copy, Debug)]
+struct Question {
+    since: Duration,
+    from_rad: f64,
+    /// The direction of its reference.
+    toward: f64,
+}
+
+/// Watches whether the joints of the hand turn as they are pushed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Runaways {
+    joints: [Joint; WIRE_JOINTS],
+    at: Option<Duration>,
+}
+
+impl Runaways {
+    /// Pushes the joints that are asked the other way.
+    pub fn ask(&self, wanted: &mut [f64; WIRE_JOINTS], limits: &[i16; WIRE_JOINTS]) {
+        for ((wanted, joint), limit) in wanted.iter_mut().zip(&self.joints).zip(limits) {
+            if let Some(question) = joint.asks {
+                *wanted = -question.toward * ASKS_SHARE * f64::from(*limit);
+            }
+        }
+    }
+
+    /// Takes a period's angles, where the joints were sent (rad), their torques as shares of their
+    /// limits, and which fingers may press a key. The first joint of the wrong sign, if any.
+    pub fn take(
+        &mut self,
+        at: Duration,
+        positions: &[f64; WIRE_JOINTS],
+        reference: &[f64; WIRE_JOINTS],
+        shares: &[f64; WIRE_JOINTS],
+        may_press: [bool; PLAYING],
+    ) -> Option<Implausible> {
+        let secs = at.saturating_sub(self.at.replace(at).unwrap_or(at)).as_secs_f64();
+        let mut found = None;
+        for (joint, state) in self.joints.iter_mut().enumerate() {
+            let (rad, share) = (positions[joint], shares[joint]);
+            if state.asks.is_some() {
+                if state.answers_wrong(at, rad) {
+                    found = found.or(Some(Implausible::JointRunsAway { joint, rad }));
+                }
+                continue;
+            }
+            state.push(secs, rad, reference[joint], share);
+            let on_key = may_press.get(joint / 4) == Some(&true);
+            let bends_onto_key = on_key && share > 0.0 && !joint.is_multiple_of(4);
+            let explained = bends_onto_key || on_key && state.ran_rad <= RAN_RAD;
+            let obeys = state.obeyed_at.is_some_and(|at| (rad - at).abs() <= STANDS_RAD);
+            if state.hard_secs > HARD_SECS && !explained && !obeys {
+                state.asks = Some(Question { since: at, from_rad: rad, toward: share.signum() });
+            }
+        }
+        found
+    }
+}
+
+impl Joint {
+    fn push(&mut self, secs: f64, rad: f64, reference: f64, share: f64) {
+        let moved = rad - std::mem::replace(&mut self.before, rad);
+        let share_before = std::mem::replace(&mut self.share_before, share);
+        let is_known = secs > 0.0 && secs <= MAX_SECS;
+        if is_known && share_before.abs() >= PUSHED_SHARE {
+            let toward = moved * share_before.signum();
+            if toward > 0.0 || toward < -RUNS_RAD_S * secs {
+                self.ran_rad = (self.ran_rad - toward).max(0.0);
+            }
+        }
+        let is_hard = share.abs() >= HARD_SHARE && (reference - rad) * share > 0.0;
+        if is_known && is_hard && (rad - self.stands_at).abs() <= STANDS_RAD {
+            self.hard_secs += secs;
+        } else {
+            (self.stands_at, self.hard_secs) = (rad, 0.0);
+        }
+    }
+
+    /// Whether it has come nearer to its reference although it is pushed the other way.
+    fn answers_wrong(&mut self, at: Duration, rad: f64) -> bool {
+        let Some(question) = self.asks else { return false };
+        if (rad - question.from_rad) * question.toward > NEARER_RAD {
+            return true;
+        }
+        if at.saturating_sub(question.since) > ASKS {
+            let obeyed_at = Some(question.from_rad);
+            *self = Self { before: rad, stands_at: rad, obeyed_at, ..Self::default() };
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::allegro::PWM_LIMITS;
+
+    const PERIOD: Duration = Duration::from_millis(3);
+
+    /// A joint between its stops at ±0.3 rad, as fast as it is pushed; how its reading counts; and
+    /// where somebody holds it, if so, at a time (s).
+    struct Plant {
+        joint: usize,
+        sign: f64,
+        from: f64,
+        reference: fn(f64) -> f64,
+        held: fn(f64) -> Option<f64>,
+        on_key: bool,
+    }
+
+    impl Plant {
+        /// When it is found within three seconds, s, and how many periods it was asked.
+        fn run(&self) -> (Option<f64>, u32) {
+            let (mut runaways, mut angle, mut asked) = (Runaways::default(), self.from, 0);
+            for period in 0..1000u32 {
+                let at = PERIOD * period;
+                let secs = at.as_secs_f64();
+                angle = (self.held)(secs).unwrap_or(angle);
+                let [mut positions, mut reference, mut shares] = [[0.0; WIRE_JOINTS]; 3];
+                positions[self.joint] = self.sign * angle;
+                reference[self.joint] = (self.reference)(secs);
+                let by_rad = reference[self.joint] - positions[self.joint];
+                let limit = f64::from(PWM_LIMITS[self.joint]);
+                let mut wanted = [0.0; WIRE_JOINTS];
+                wanted[self.joint] = limit * (8.0 * by_rad).clamp(-1.0, 1.0);
+                runaways.ask(&mut wanted, &PWM_LIMITS);
+                shares[self.joint] = wanted[self.joint] / limit;
+                asked += u32::from(shares[self.joint] * by_rad < 0.0);
+                let on_key = [self.on_key; PLAYING];
+                if runaways.take(at, &positions, &reference, &shares, on_key).is_some() {
+                    return (Some(secs), asked);
+                }
+                angle = (angle + 4.0 * shares[self.joint] * PERIOD.as_secs_f64()).clamp(-0.3, 0.3);
+            }
+            (None, asked)
+        }
+    }
+
+    const SOUND: Plant =
+        Plant { joint: 5, sign: 1.0, from: 0.01, reference: |_| 0.0, held: |_| None, on_key: false };
+
+    #[test]
+    fn a_joint_of_the_wrong_sign_is_found_within_a_second() {
+        for joint in 0..WIRE_JOINTS {
+            for from in [-0.3, -0.01, 0.01, 0.3] {
+                let plant = Plant { joint, sign: -1.0, from, ..SOUND };
+                let (at, asked) = plant.run();
+                assert!(at.is_some_and(|at| at < 1.0) && asked < 30, "joint {joint} from {from}: {at:?}");
+            }
+        }
+        // Among fences, if it ran there.
+        let rotates = Plant { joint: 4, sign: -1.0, on_key: true, ..SOUND };
+        assert!(rotates.run().0.is_some_and(|at| at < 1.0));
+    }
+
+    #[test]
+    fn a_joint_that_is_held_is_asked_once() {
+        let held: [fn(f64) -> Option<f64>; 3] =
+            [|_| Some(0.25), |secs| (secs < 1.5).then_some(-0.2), |secs| Some((3.0 * secs).min(0.2))];
+        for held in held {
+            let (at, asked) = Plant { held, ..SOUND }.run();
+            assert!(at.is_none() && (20..40).contains(&asked), "{at:?}, {asked}");
+        }
+        // Against its own stop, too.
+        let (at, asked) = Plant { reference: |_| 0.6, ..SOUND }.run();
+        assert!(at.is_none() && (20..40).contains(&asked), "{at:?}, {asked}");
+        // A finger on a key and one that obeys are never asked.
+        assert_eq!(Plant { held: |_| Some(-0.25), on_key: true, ..SOUND }.run(), (None, 0));
+        assert_eq!(Plant { reference: |secs| 0.25 * (6.0 * secs).sin(), ..SOUND }.run().0, None);
+    }
+}
