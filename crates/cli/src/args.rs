@@ -154,8 +154,8 @@ impl PianistArgs {
     }
 }
 
-/// The default folder of what is made of this song. Another song of that name keeps its folder, and
-/// the user is told.
+/// The default folder of what is made of this song. Another song of that name keeps its folder; a
+/// note says so.
 pub fn folder_of(song: &Song, default: PathBuf) -> PathBuf {
     let folder = folder_of_song(&default, song);
     if folder != default {

@@ -13,7 +13,8 @@ pub const SONG: &str = "song.mid";
 /// Name of the description of who made the run and how.
 pub const META: &str = "meta.json";
 
-/// How many notes the song has of the run or the performance in `folder`, if they are not those of `song`.
+/// How many notes the song of the run or the performance in `folder` has, if they are not those of
+/// `song`.
 pub(crate) fn other_notes(folder: &Path, song: &Song) -> Option<usize> {
     let theirs = Song::load(folder.join(SONG)).ok()?;
     (!theirs.has_the_notes_of(song)).then(|| theirs.notes().len())

@@ -70,7 +70,7 @@ export class SongSection {
     });
   }
 
-  /** Why the song is outside the keyboard, the transpositions that are inside, and the notes that can be left out. */
+  /** Why the song is outside the keyboard, and the transpositions and omissions that mend it. */
   problem({ song, problem, transpositions, outside, notes }) {
     const start = (changes) => this.start({ verb: 'arrange', song, changes });
     const offers = transpositions.map((semitones) => {

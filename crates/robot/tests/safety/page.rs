@@ -73,7 +73,7 @@ fn times(mut within: Vec<u32>) -> String {
     within.sort_unstable();
     within.dedup();
     match within[..] {
-        [] => "it goes on".to_string(),
+        [] => "continues".to_string(),
         [one] => text(one),
         [least, .., most] => format!("{} to {}", text(least), text(most)),
     }

@@ -223,7 +223,7 @@ pub const ROWS: &[Row] = &[
         ..ROW
     },
     Row {
-        name: "a report of the arm is cut short",
+        name: "a report of the arm is incomplete",
         ends: [Fault(30), Fault(30), Fault(30), Fault(30), Fault(30), GoesOn],
         says: "its reports are not",
         strike: |b| {
