@@ -13,13 +13,14 @@ const END: &str = "<!-- end of faults -->\n";
 const WRITE: &str = "ETUDE_WRITE_PAGE";
 
 /// First words of what an operator is told to do.
-const INSTRUCTIONS: [&str; 25] = [
+const INSTRUCTIONS: [&str; 26] = [
     "bring",
     "calibrate",
     "check",
     "clear",
     "close",
     "connect",
+    "disconnect",
     "do",
     "end",
     "let",
