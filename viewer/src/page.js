@@ -170,9 +170,9 @@ export class Page {
       setVolume: (volume) => sound.setVolume(volume),
       setCamera: (name) => this.setCamera(name),
       stepBy: (steps) => {
-        const { take } = this.panes[0];
+        const { hz } = this.panes[0].take;
         player.pause();
-        this.seek(take.endOf(Math.round(take.stepAt(player.time())) + steps));
+        this.seek((Math.round(player.time() * hz) + steps) / hz);
       },
       seek: (secs) => this.seek(secs),
       listenTo: (pane) => {
