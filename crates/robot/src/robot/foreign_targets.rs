@@ -10,7 +10,6 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use super::plausibility::Implausible;
 use crate::xarm::kinematics::ARM_JOINTS;
 
 /// Time after which a target does not explain any more where the arm is.
@@ -34,6 +33,15 @@ const MAX_SECS: f64 = 0.05;
 
 type Joints = [f64; ARM_JOINTS];
 
+/// What is not among our targets: a joint (from 1), and how far it is from them, rad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Foreign {
+    /// The target that the arm reports.
+    Target(usize, f64),
+    /// Where the arm is.
+    Place(usize, f64),
+}
+
 /// Compares the arm's reports with the targets of the last half second.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ForeignTargets {
@@ -54,7 +62,7 @@ impl ForeignTargets {
         joints: &Joints,
         target: Option<&Joints>,
         sent: &Joints,
-    ) -> Option<Implausible> {
+    ) -> Option<Foreign> {
         let secs = at.saturating_sub(self.at.replace(at).unwrap_or(at)).as_secs_f64().min(MAX_SECS);
         // The target before them was in force when the half second began.
         while self.sent.get(1).is_some_and(|(sent_at, _)| at.saturating_sub(*sent_at) > LAG) {
@@ -70,7 +78,7 @@ impl ForeignTargets {
                 self.target_outside_secs += secs;
             }
             if self.target_outside_secs > TARGET_SECS {
-                return Some(Implausible::ArmTargetForeign { joint, by_rad });
+                return Some(Foreign::Target(joint, by_rad));
             }
         }
         let (joint, by_rad) = self.outside(joints, RINGS_SHARE);
@@ -81,8 +89,7 @@ impl ForeignTargets {
             // Reports that repeat say nothing of where the arm is: another check looks at them.
             self.outside_secs += secs;
         }
-        (self.outside_secs > OUTSIDE_SECS && by_rad > OUTSIDE_RAD)
-            .then_some(Implausible::ArmElsewhere { joint, by_rad })
+        (self.outside_secs > OUTSIDE_SECS && by_rad > OUTSIDE_RAD).then_some(Foreign::Place(joint, by_rad))
     }
 
     /// The joint (from 1) that is farthest outside the range of its targets, widened by a share of
@@ -105,7 +112,7 @@ mod tests {
 
     /// What is found within two seconds of `what(s)`: where joint 1 is, its reported target, and
     /// where it was sent.
-    fn found(what: impl Fn(f64) -> (f64, Option<f64>, f64)) -> Option<(Duration, Implausible)> {
+    fn found(what: impl Fn(f64) -> (f64, Option<f64>, f64)) -> Option<(Duration, Foreign)> {
         let mut foreign = ForeignTargets::default();
         let joints = |rad: f64| {
             let mut joints = [0.1; ARM_JOINTS];
@@ -139,9 +146,7 @@ mod tests {
         // Moved away while it is sent nowhere; pulled to and fro; kept back by half.
         let to = |secs: f64| (0.2 * (secs - 0.5)).clamp(0.0, 0.012) + 1e-5 * secs;
         let (at, away) = found(|secs| (to(secs), None, 0.0)).unwrap();
-        assert!(
-            matches!(away, Implausible::ArmElsewhere { joint: 1, .. }) && at < Duration::from_millis(900)
-        );
+        assert!(matches!(away, Foreign::Place(1, _)) && at < Duration::from_millis(900));
         assert!(found(|secs| (0.05 * (9.0 * secs).sin(), None, 0.0)).is_some());
         assert!(found(|secs| (0.05 * secs.min(0.5) + 1e-5 * secs, None, 0.1 * secs.min(0.5))).is_some());
     }
@@ -151,10 +156,7 @@ mod tests {
         // Every tenth target that is reported is another client's.
         let foreign = |secs: f64| if (secs * 100.0).round() as u32 % 10 == 3 { 0.5 } else { 0.0 };
         let (at, found_in) = found(|secs| (0.0, Some(wave(secs - 0.1) + foreign(secs)), wave(secs))).unwrap();
-        assert!(
-            matches!(found_in, Implausible::ArmTargetForeign { .. }) && at < Duration::from_secs(1),
-            "{at:?}"
-        );
+        assert!(matches!(found_in, Foreign::Target(1, _)) && at < Duration::from_secs(1), "{at:?}");
         assert_eq!(found(|secs| (wave(secs - 0.1), Some(wave(secs - 0.05)), wave(secs))), None);
         assert_eq!(
             found(|secs| (wave(secs - 0.1), Some(7.0), wave(secs))),

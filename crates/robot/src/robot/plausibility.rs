@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use super::foreign_targets::ForeignTargets;
+use super::foreign_targets::{Foreign, ForeignTargets};
 use super::motor_heat::MotorHeat;
 use super::runaway::Runaways;
 use super::stuck_joint::StuckJoints;
@@ -257,8 +257,8 @@ impl PlausibilityChecks {
             self.found.get_or_insert(Implausible::JointStuck { joint, rad });
         }
         let shares = std::array::from_fn(|joint| f64::from(pwm[joint]) / f64::from(limits[joint].max(1)));
-        if let Some(found) = self.runaways.take(at, positions, reference, &shares, may_press) {
-            self.found.get_or_insert(found);
+        if let Some((joint, rad)) = self.runaways.take(at, positions, reference, &shares, may_press) {
+            self.found.get_or_insert(Implausible::JointRunsAway { joint, rad });
         }
         let (positions, _) = positions.as_chunks::<4>();
         let (reference, _) = reference.as_chunks::<4>();
@@ -338,8 +338,11 @@ impl PlausibilityChecks {
         target: Option<&[f64; kinematics::ARM_JOINTS]>,
         sent: &[f64; kinematics::ARM_JOINTS],
     ) {
-        if let Some(found) = self.foreign.take(at, joints, target, sent) {
-            self.found.get_or_insert(found);
+        if let Some(foreign) = self.foreign.take(at, joints, target, sent) {
+            self.found.get_or_insert(match foreign {
+                Foreign::Target(joint, by_rad) => Implausible::ArmTargetForeign { joint, by_rad },
+                Foreign::Place(joint, by_rad) => Implausible::ArmElsewhere { joint, by_rad },
+            });
         }
     }
 

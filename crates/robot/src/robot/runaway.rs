@@ -9,7 +9,6 @@
 
 use std::time::Duration;
 
-use super::plausibility::Implausible;
 use crate::allegro::{PLAYING, WIRE_JOINTS};
 
 /// How hard (as a share of the limit), how long (s) and how still (rad) a joint stands that is
@@ -71,7 +70,8 @@ impl Runaways {
     }
 
     /// Takes a period's angles, where the joints were sent (rad), their torques as shares of their
-    /// limits, and which fingers may press a key. The first joint of the wrong sign, if any.
+    /// limits, and which fingers may press a key. The first joint of the wrong sign, if any, and
+    /// where, rad.
     pub fn take(
         &mut self,
         at: Duration,
@@ -79,14 +79,14 @@ impl Runaways {
         reference: &[f64; WIRE_JOINTS],
         shares: &[f64; WIRE_JOINTS],
         may_press: [bool; PLAYING],
-    ) -> Option<Implausible> {
+    ) -> Option<(usize, f64)> {
         let secs = at.saturating_sub(self.at.replace(at).unwrap_or(at)).as_secs_f64();
         let mut found = None;
         for (joint, state) in self.joints.iter_mut().enumerate() {
             let (rad, share) = (positions[joint], shares[joint]);
             if state.asks.is_some() {
                 if state.answers_wrong(at, rad) {
-                    found = found.or(Some(Implausible::JointRunsAway { joint, rad }));
+                    found = found.or(Some((joint, rad)));
                 }
                 continue;
             }

@@ -19,12 +19,9 @@ const LIVE: [When; 4] = [When::Holding, When::Homing, When::Moving, When::Follow
 fn bring_from_a_pose(dice: &mut Dice, when: When) -> Bench {
     let name = ["mild", "standard", "worn"][dice.below(3) as usize];
     let mut bench = Bench::new(&TwinParams::load(name).unwrap(), &calibration("twin"));
-    let pose =
-        std::array::from_fn(
-            |joint| {
-                if joint % 4 == 0 { 0.2 * dice.signed() } else { 0.15 + 0.2 * dice.signed() }
-            },
-        );
+    let pose = std::array::from_fn(|joint| {
+        if joint.is_multiple_of(4) { 0.2 * dice.signed() } else { 0.15 + 0.2 * dice.signed() }
+    });
     bench.lockstep.twin.place_fingers(&pose);
     bring(&mut bench, when);
     bench
@@ -104,7 +101,7 @@ fn a_finger_that_a_person_bends_is_no_fault() {
         let finger = 4 * dice.below(3) as usize;
         let joint = finger + dice.below(4) as usize;
         let speed = 0.5 + 2.0 * (1.0 + dice.signed());
-        let by = if joint % 4 == 0 { 0.2 * dice.signed() } else { 0.3 + 0.2 * dice.signed() };
+        let by = if joint.is_multiple_of(4) { 0.2 * dice.signed() } else { 0.3 + 0.2 * dice.signed() };
         let from = pose[joint];
         for ms in 0..1800 {
             bench.step();
