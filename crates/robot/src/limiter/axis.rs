@@ -1,51 +1,12 @@
 //! The set-point of one joint, which moves on the grid toward its targets.
 
+use super::clamp::Clamp;
 use super::limits::AxisLimits;
 use super::motion::{Motion, ROUNDING};
 
 /// Steps of the search for the best admissible acceleration: 2⁻²⁰ of what the jerk allows in one
 /// step is far below what a device resolves.
 const SEARCH: usize = 20;
-
-/// Which limit kept a set-point from its target.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Clamp {
-    /// It is NaN; the last target is kept.
-    NotANumber,
-    /// It lies outside the position range.
-    Position,
-    /// It would take too high a speed.
-    Velocity,
-    /// It would take too high an acceleration.
-    Acceleration,
-    /// It would take too high a jerk.
-    Jerk,
-    /// From there the axis could not stop within the limits.
-    Stopping,
-    /// From there the axis could not stop before the target, which may stand still from now on.
-    Passing,
-    /// The arm has not followed: the set-point of the rail waits for it.
-    Ahead,
-    /// A key is down, or a finger is between fences: the hand moves along the keyboard only slowly.
-    KeyDown,
-}
-
-impl Clamp {
-    /// Its name in recordings.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NotANumber => "not-a-number",
-            Self::Position => "position",
-            Self::Velocity => "velocity",
-            Self::Acceleration => "acceleration",
-            Self::Jerk => "jerk",
-            Self::Stopping => "stopping",
-            Self::Passing => "passing",
-            Self::Ahead => "ahead",
-            Self::KeyDown => "key-down",
-        }
-    }
-}
 
 /// The set-point of one joint.
 #[derive(Clone, Debug)]

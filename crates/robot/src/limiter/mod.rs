@@ -13,8 +13,10 @@
 //! them by definition, so there is always one.
 
 mod axis;
+mod clamp;
 mod limits;
 mod motion;
 
-pub use axis::{Axis, Clamp};
+pub use axis::Axis;
+pub use clamp::Clamp;
 pub use limits::AxisLimits;

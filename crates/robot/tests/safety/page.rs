@@ -94,11 +94,11 @@ struct Group {
     within: Vec<u32>,
 }
 
-/// The table of these rows and of what was said in each. What is not said comes last.
+/// The table of these rows and of what was said in each. Faults that nothing is said of are left out.
 fn table(said: impl Iterator<Item = (&'static Row, Option<String>)>) -> String {
     let mut groups: Vec<Group> = Vec::new();
     for (row, said) in said.filter(|(row, _)| !row.ends.contains(&Stopped)) {
-        let said = said.unwrap_or_default();
+        let Some(said) = said else { continue };
         let words = without_numbers(&said);
         let known = groups.iter().position(|group| without_numbers(&group.said) == words);
         let known = known.unwrap_or_else(|| {
@@ -108,11 +108,10 @@ fn table(said: impl Iterator<Item = (&'static Row, Option<String>)>) -> String {
         groups[known].names.push(row.name);
         groups[known].within.extend(within(row));
     }
-    groups.sort_by_key(|group| group.said.is_empty());
     let mut table =
         "| what happens | what is said | what to do | stands within |\n|---|---|---|---|\n".to_string();
     for Group { names, said, within } in groups {
-        let (said, remedy) = if said.is_empty() { ("nothing", "nothing") } else { parts(&said) };
+        let (said, remedy) = parts(&said);
         writeln!(table, "| {} | {said} | {remedy} | {} |", names.join("<br>"), times(within)).unwrap();
     }
     table
