@@ -44,5 +44,5 @@ pub mod xarm;
 pub use pace::{Pace, RealTime};
 pub use robot::{
     Fault, Implausible, JOINTS_CHECKED, JointCheck, MotorHeat, OBSERVED, Phase, ROOTS_OVER_KEYS_M, Record,
-    Refused, Robot, RobotError, check_joints, propose_fence,
+    Refused, Robot, RobotError, check_joints, propose_box,
 };

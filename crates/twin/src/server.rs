@@ -19,7 +19,7 @@ use etude_robot::keyboard::MidiError;
 use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig_file::{RigConfig, WiresConfig};
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
-use etude_robot::{Pace as _, propose_fence};
+use etude_robot::{Pace as _, propose_box};
 
 use crate::lockstep::Lockstep;
 use crate::numbers::STEP;
@@ -111,9 +111,9 @@ impl TwinServer {
         place.points.iter_mut().for_each(|point| point.shown_unix_secs = today);
         place.save(&folder.join(&config.calibration))?;
         let path = RailPath::new(&place, config.limits.rail_range_m, &PAPER_HOME_DEG.map(f64::to_radians))?;
-        if config.arm.fence_mm.is_none() {
-            config.arm.fence_mm = Some(
-                propose_fence(&path, config.limits.rail_range_m)
+        if config.arm.box_mm.is_none() {
+            config.arm.box_mm = Some(
+                propose_box(&path, config.limits.rail_range_m)
                     .map_err(|error| file(&rig_path, error.to_string()))?,
             );
         }

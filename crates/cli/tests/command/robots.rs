@@ -133,8 +133,8 @@ fn mistakes_are_told_before_anything_moves() {
                position_mm = [485.0, 0.0, 170.0]\norientation_deg = [0.0, 0.0, 0.0]\nshown_unix_secs = 1\n";
     std::fs::write(sandbox.path("old.calibration.toml"), old).unwrap();
     std::fs::write(sandbox.path("old.toml"), "name = \"lab\"\n").unwrap();
-    let fenced = "name = \"lab\"\n[arm]\nfence_mm = [[300, 300], [-400, 400], [100, 700]]\n";
-    std::fs::write(sandbox.path("fenced.toml"), fenced).unwrap();
+    let has_box = "name = \"lab\"\n[arm]\nbox_mm = [[300, 300], [-400, 400], [100, 700]]\n";
+    std::fs::write(sandbox.path("has_box.toml"), has_box).unwrap();
     for (args, said) in [
         ("perform short.mid --scripted --robot nowhere.toml", "nowhere.toml"),
         ("perform short.mid --scripted --robot bad.toml", "limits.rail_velocity is -1"),
@@ -147,7 +147,7 @@ fn mistakes_are_told_before_anything_moves() {
         ("record --robot twin --twin-params random: -o r.mcap", "whole number"),
         ("twin --twin-params random:1.5", "whole number"),
         ("perform short.mid --scripted --fault fire@1", "can-bus-off, can-silent"),
-        ("perform short.mid --scripted --robot fenced.toml", "fence_mm (highest x)"),
+        ("perform short.mid --scripted --robot has_box.toml", "box_mm (highest x)"),
         ("twin --fault estop", "KIND[=VALUE]@SECS[+SECS]"),
         ("twin --fault hand-off@1+1", "has no duration"),
         ("robot stop --robot twin", "etude twin"),

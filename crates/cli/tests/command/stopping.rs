@@ -363,15 +363,15 @@ fn an_arm_without_a_box_does_not_move_and_a_box_is_proposed() {
     let twin = Served::start(&sandbox);
     let rig = twin.rig.display().to_string();
     let text = std::fs::read_to_string(&twin.rig).unwrap();
-    let line = text.lines().find(|line| line.starts_with("fence_mm = ")).unwrap();
+    let line = text.lines().find(|line| line.starts_with("box_mm = ")).unwrap();
     std::fs::write(&twin.rig, text.replace(line, "")).unwrap();
     let check = sandbox.json(&format!("robot check --robot {rig} --json"));
-    let proposed = check["missing_fence"].as_str().unwrap();
+    let proposed = check["missing_box"].as_str().unwrap();
     for verb in ["robot home", "perform short.mid --scripted --home"] {
         let refused = sandbox.command(&format!("{verb} --robot {rig}")).output().unwrap();
         assert!(!refused.status.success() && errors(&refused).contains(proposed), "{}", errors(&refused));
     }
     std::fs::write(&twin.rig, text.replace(line, proposed)).unwrap();
     let check = sandbox.json(&format!("robot check --robot {rig} --json"));
-    assert_eq!((&check["missing_fence"], &check["fault"]), (&Value::Null, &Value::Null));
+    assert_eq!((&check["missing_box"], &check["fault"]), (&Value::Null, &Value::Null));
 }

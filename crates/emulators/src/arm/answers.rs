@@ -4,7 +4,7 @@
 use super::emulator::{ALL, ArmEmulator};
 use super::motion::MAX_SPEED;
 use super::state::{Condition, ConnectionId, Planned, Receipt};
-use etude_robot::xarm::Fence;
+use etude_robot::xarm::SafetyBox;
 use etude_robot::xarm::codec::{
     Frame, PROTOCOL_KEEP_ALIVE, PROTOCOL_PRIVATE, Register, ReplyState, floats, push_floats,
 };
@@ -164,9 +164,9 @@ impl ArmEmulator {
             | Register::JointAcceleration => return self.limit(register, params),
             Register::SafetyBox => {
                 let sides: &[[u8; 4]; 6] = params.as_chunks().0.try_into().ok()?;
-                self.fence = Fence::from_wire(sides.map(i32::from_le_bytes));
+                self.safety_box = SafetyBox::from_wire(sides.map(i32::from_le_bytes));
             }
-            Register::SafetyBoxOn => self.fenced = byte(0)? != 0,
+            Register::SafetyBoxOn => self.has_box = byte(0)? != 0,
             Register::ReducedMode => reply = self.reduced_mode(),
             Register::TcpOffset => {
                 self.settings.tcp_offset_mm_rad = floats(params)?;
@@ -227,10 +227,10 @@ impl ArmEmulator {
         let extra = &self.extra;
         let mut reply = vec![extra.reduced.into()];
         let side = |mm: i32| mm.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
-        reply.extend(self.fence.to_wire().map(|mm| side(mm).to_be_bytes()).as_flattened());
+        reply.extend(self.safety_box.to_wire().map(|mm| side(mm).to_be_bytes()).as_flattened());
         push_floats(&mut reply, &[extra.reduced_tcp_mm_s, extra.reduced_joint_rad_s]);
         push_floats(&mut reply, extra.reduced_ranges_rad.as_flattened());
-        reply.extend([self.fenced, extra.rebound].map(u8::from));
+        reply.extend([self.has_box, extra.rebound].map(u8::from));
         reply
     }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use etude_checks::settings;
 use serde::{Deserialize, Serialize};
 
-use etude_robot::xarm::Fence;
+use etude_robot::xarm::SafetyBox;
 use etude_robot::xarm::codec::{FEEDBACK, Frame, FrameParser, ReplyState};
 use etude_robot::xarm::kinematics::{self, ARM_JOINTS, PAPER_HOME_DEG, Pose};
 
@@ -62,8 +62,8 @@ pub struct ArmEmulator {
     /// Velocities of modes 4 and 5.
     pub(super) steering: Option<Steering>,
     /// The safety boundary, and whether it is watched.
-    pub(super) fence: Fence,
-    pub(super) fenced: bool,
+    pub(super) safety_box: SafetyBox,
+    pub(super) has_box: bool,
     pub(super) connections: Vec<Connection>,
     pub(super) next_id: u64,
     pub(super) waiting: [Vec<u8>; 4],
@@ -91,8 +91,8 @@ impl ArmEmulator {
             extra: Extra::default(),
             lines: Lines::default(),
             steering: None,
-            fence: Fence::WIDEST,
-            fenced: false,
+            safety_box: SafetyBox::WIDEST,
+            has_box: false,
             connections: Vec::new(),
             next_id: 0,
             waiting: [const { Vec::new() }; 4],
@@ -234,9 +234,9 @@ impl ArmEmulator {
             self.receipt(1, 0);
         }
         // No error while it is stopped, or it could never be guided inside again.
-        if self.fenced
+        if self.has_box
             && self.condition == Condition::Running
-            && !self.fence.contains(&self.tool().position_m)
+            && !self.safety_box.contains(&self.tool().position_m)
         {
             self.inject_error(35);
         }

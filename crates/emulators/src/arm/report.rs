@@ -117,7 +117,7 @@ impl ArmEmulator {
         report.resize(482, 0);
         let turn = logarithm(&self.tool().rotation);
         push_floats(report, &[turn.x, turn.y, turn.z].map(|angle| angle as f32));
-        report.push(extra.bits(self.fenced));
+        report.push(extra.bits(self.has_box));
         // Then alarms of inputs and devices beside the arm, of which there are none.
         report.extend(self.reduced_mode());
     }

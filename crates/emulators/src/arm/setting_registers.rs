@@ -1,7 +1,7 @@
 //! Settings of the emulated controller that our driver does not use: every register of
 //! xarm-python-sdk 1.18.4 that sets one of them, and every one that reads it back.
 
-use etude_robot::xarm::Fence;
+use etude_robot::xarm::SafetyBox;
 use etude_robot::xarm::codec::{floats, push_floats};
 use etude_robot::xarm::kinematics::ARM_JOINTS;
 
@@ -124,7 +124,7 @@ impl ArmEmulator {
         self.extra = Extra { simulated, counter, trajectories, trajectory_status, ..Extra::default() };
         let Settings { enabled, error, warning, .. } = self.settings;
         self.settings = Settings { enabled, error, warning, ..Settings::default() };
-        (self.fence, self.fenced) = (Fence::WIDEST, false);
+        (self.safety_box, self.has_box) = (SafetyBox::WIDEST, false);
         self.reset();
     }
 

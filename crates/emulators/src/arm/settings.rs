@@ -82,8 +82,8 @@ settings! {
 
 impl Extra {
     /// The bits of byte 494 of the rich report.
-    pub(super) fn bits(&self, fenced: bool) -> u8 {
-        let bits = [self.reduced, fenced, self.currents_for_torques != 0, self.approximate, self.continuous];
+    pub(super) fn bits(&self, has_box: bool) -> u8 {
+        let bits = [self.reduced, has_box, self.currents_for_torques != 0, self.approximate, self.continuous];
         bits.iter().rev().fold(0, |bits, bit| bits << 1 | u8::from(*bit))
     }
 

@@ -35,7 +35,7 @@ pub enum SessionError {
         "the rig {rig} has no box for its arm, which nothing else would keep away from people and walls. This one holds the keyboard and \
          the way to it; look at it, then write it into the rig's file under [arm]: {line}"
     )]
-    NoFence {
+    NoBox {
         /// The rig's name.
         rig: String,
         /// A box that fits.

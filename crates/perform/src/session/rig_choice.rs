@@ -15,7 +15,7 @@ use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
 use etude_robot::rig_file::{RigConfig, RigError, WiresConfig};
 use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
-use etude_robot::{Robot, propose_fence};
+use etude_robot::{Robot, propose_box};
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams, Side, StageConfig, StageError, World};
 use etude_twin::{Lockstep, Twin, TwinError, TwinParams, calibration, stage_side};
 
@@ -82,8 +82,8 @@ impl RigChoice {
     /// # Errors
     /// If the rig's file, its calibration or its wires cannot be used.
     pub fn open(&self, side: Side, seed: u64) -> Result<Session, SessionError> {
-        if let (Self::File { rig, .. }, Some(line)) = (self, self.missing_fence()?) {
-            return Err(SessionError::NoFence { rig: rig.name.clone(), line });
+        if let (Self::File { rig, .. }, Some(line)) = (self, self.missing_box()?) {
+            return Err(SessionError::NoBox { rig: rig.name.clone(), line });
         }
         self.open_at_rest(side, seed)
     }
@@ -92,12 +92,12 @@ impl RigChoice {
     ///
     /// # Errors
     /// If the rig's calibration cannot be used.
-    pub fn missing_fence(&self) -> Result<Option<String>, SessionError> {
+    pub fn missing_box(&self) -> Result<Option<String>, SessionError> {
         match self {
-            Self::File { rig, .. } if rig.arm.fence_mm.is_none() => {
+            Self::File { rig, .. } if rig.arm.box_mm.is_none() => {
                 let path = rail_path(rig, &load_calibration(rig)?)?;
-                let fence = propose_fence(&path, rig.limits.rail_range_m)?;
-                Ok(Some(format!("fence_mm = {:?}", fence.0)))
+                let safety_box = propose_box(&path, rig.limits.rail_range_m)?;
+                Ok(Some(format!("box_mm = {:?}", safety_box.0)))
             }
             Self::File { .. } | Self::Twin(_) => Ok(None),
         }

@@ -9,7 +9,7 @@ use crate::can::CanError;
 use crate::keyboard::MidiError;
 use crate::rig_file::RigError;
 use crate::xarm::kinematics::KinematicsError;
-use crate::xarm::{ArmError, ArmFault, ArmLinkError, OutsideFence};
+use crate::xarm::{ArmError, ArmFault, ArmLinkError, OutsideBox};
 
 /// What to do about an arm whose connection failed; nothing if none was ever there.
 fn may_move(error: &ArmLinkError) -> &'static str {
@@ -190,9 +190,9 @@ pub enum Refused {
     },
     /// The arm's way there leads out of its box.
     #[error(
-        "the arm's path home leaves its box: {0}; guide it nearer home with UFACTORY Studio, or enlarge arm.fence_mm"
+        "the arm's path home leaves its box: {0}; guide it nearer home with UFACTORY Studio, or enlarge arm.box_mm"
     )]
-    OutsideFence(#[from] OutsideFence),
+    OutsideBox(#[from] OutsideBox),
     /// A finger or the thumb is far from where the motion begins.
     #[error(
         "joint {joint} of the hand is at {measured_rad:.2} rad and the motion begins at {asked_rad:.2} rad: \
@@ -223,12 +223,12 @@ pub enum RobotError {
     #[error(transparent)]
     Rig(#[from] RigError),
     /// The box of the arm does not hold what it needs.
-    #[error("{place}: {source}; enlarge arm.fence_mm, or narrow limits.rail_range_m")]
-    OutsideFence {
+    #[error("{place}: {source}; enlarge arm.box_mm, or narrow limits.rail_range_m")]
+    OutsideBox {
         /// Where it is left.
         place: String,
         /// By how much.
-        source: OutsideFence,
+        source: OutsideBox,
     },
     /// The keyboard's place is not known.
     #[error(transparent)]

@@ -9,7 +9,7 @@ use super::slow_move::SlowMove;
 use crate::calibration::RailPath;
 use crate::joints::DRIVEN;
 use crate::xarm::kinematics::{ARM_JOINTS, KinematicsError, PAPER_HOME_DEG};
-use crate::xarm::{Fence, flange_positions};
+use crate::xarm::{SafetyBox, flange_positions};
 
 /// How far above the keyboard the arm comes and goes, m.
 pub(super) const CLEAR_M: f64 = 0.08;
@@ -97,18 +97,18 @@ const MARGIN_MM: f64 = 60.0;
 
 /// Whether the paths that every move to the keyboard has in common, and the whole `range` of the
 /// rail (m), stay in the arm's box.
-pub(super) fn check_fence(fence: &Fence, path: &RailPath, range: [f64; 2]) -> Result<(), RobotError> {
+pub(super) fn check_box(safety_box: &SafetyBox, path: &RailPath, range: [f64; 2]) -> Result<(), RobotError> {
     for rail_m in path.bends(range) {
-        let held = fence.holds(&path.pose(rail_m).position_m);
+        let held = safety_box.holds(&path.pose(rail_m).position_m);
         let place = || format!("{rail_m:+.3} m along the keyboard");
-        held.map_err(|source| RobotError::OutsideFence { place: place(), source })?;
+        held.map_err(|source| RobotError::OutsideBox { place: place(), source })?;
     }
     let mut from = *path.middle();
     for (via, place) in VIA_POINTS {
         // One that cannot be reached is refused when the arm starts for it.
         let Ok(joints) = via.joints(path, &from) else { return Ok(()) };
-        let held = fence.holds_path(&from, &joints);
-        held.map_err(|source| RobotError::OutsideFence { place: place.to_string(), source })?;
+        let held = safety_box.holds_path(&from, &joints);
+        held.map_err(|source| RobotError::OutsideBox { place: place.to_string(), source })?;
         from = joints;
     }
     Ok(())
@@ -119,7 +119,7 @@ pub(super) fn check_fence(fence: &Fence, path: &RailPath, range: [f64; 2]) -> Re
 ///
 /// # Errors
 /// If no box that the controller takes does.
-pub fn propose_fence(path: &RailPath, range: [f64; 2]) -> Result<Fence, RobotError> {
+pub fn propose_box(path: &RailPath, range: [f64; 2]) -> Result<SafetyBox, RobotError> {
     let along = path.bends(range).map(|rail_m| path.pose(rail_m).position_m);
     let above = along.map(|position_m| position_m + nalgebra::Vector3::new(0.0, 0.0, CLEAR_M));
     let mut places = [along, above].concat();
@@ -129,9 +129,9 @@ pub fn propose_fence(path: &RailPath, range: [f64; 2]) -> Result<Fence, RobotErr
         places.extend(flange_positions(&from, &joints));
         from = joints;
     }
-    let fence = Fence::around(places, MARGIN_MM);
-    check_fence(&fence, path, range)?;
-    Ok(fence)
+    let safety_box = SafetyBox::around(places, MARGIN_MM);
+    check_box(&safety_box, path, range)?;
+    Ok(safety_box)
 }
 
 #[cfg(test)]
@@ -144,13 +144,16 @@ mod tests {
         let home = PAPER_HOME_DEG.map(f64::to_radians);
         let range = [-0.3, 0.3];
         let path = RailPath::new(&papers(), range, &home).unwrap();
-        let fence = propose_fence(&path, range).unwrap();
-        let Fence(sides) = fence;
+        let safety_box = propose_box(&path, range).unwrap();
+        let SafetyBox(sides) = safety_box;
         for axis in 0..3 {
             for side in 0..2 {
                 let mut narrow = sides;
                 narrow[axis][side] += [70, -70][side];
-                assert!(check_fence(&Fence(narrow), &path, range).is_err(), "{fence:?}, {axis} {side}");
+                assert!(
+                    check_box(&SafetyBox(narrow), &path, range).is_err(),
+                    "{safety_box:?}, {axis} {side}"
+                );
             }
         }
     }

@@ -53,7 +53,7 @@ mod trajectory;
 use std::time::Duration;
 
 pub use fault::{Fault, Refused, RobotError};
-pub use homing_plan::propose_fence;
+pub use homing_plan::propose_box;
 pub use interlock::ROOTS_OVER_KEYS_M;
 pub use joint_check::{JOINTS_CHECKED, JointCheck, check_joints};
 pub use motor_heat::MotorHeat;
@@ -71,7 +71,7 @@ use crate::wires::Wires;
 use crate::xarm::{Arm, ArmFault, untried};
 use axes::driven;
 use following_error::{FollowingError, farthest};
-use homing_plan::check_fence;
+use homing_plan::check_box;
 use keyboard_input::KeyboardInput;
 use motion::Motion;
 use plausibility::PlausibilityChecks;
@@ -110,8 +110,8 @@ impl Robot {
     /// path there.
     pub fn new(config: &RigConfig, path: RailPath) -> Result<Self, RobotError> {
         config.check()?;
-        if let Some(fence) = &config.arm.fence_mm {
-            check_fence(fence, &path, config.limits.rail_range_m)?;
+        if let Some(safety_box) = &config.arm.box_mm {
+            check_box(safety_box, &path, config.limits.rail_range_m)?;
         }
         Ok(Self {
             status: Status::default(),

@@ -243,10 +243,10 @@ impl RailArm {
     /// Whether the arm's path from where it stands to a via point, and from there home, stays in
     /// its box.
     pub fn check_path(&self, config: &ArmConfig, via: ViaPoint) -> Result<(), Refused> {
-        let (Some(fence), Some(mut from)) = (config.fence_mm, self.arm.joints()) else { return Ok(()) };
+        let (Some(safety_box), Some(mut from)) = (config.box_mm, self.arm.joints()) else { return Ok(()) };
         for via in [via, ViaPoint::Home] {
             let Ok(joints) = via.joints(&self.path, &from) else { return Ok(()) };
-            fence.holds_path(&from, &joints)?;
+            safety_box.holds_path(&from, &joints)?;
             from = joints;
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! The way to the keyboard: straight fingers first, and up from beside the keys.
 
 use etude_robot::joints::{DRIVEN, RAIL};
-use etude_robot::xarm::Fence;
+use etude_robot::xarm::SafetyBox;
 use etude_robot::xarm::kinematics::{ARM_JOINTS, PAPER_HOME_DEG, forward, inverse};
 use etude_robot::{Fault, Phase, Robot};
 use nalgebra::{Rotation3, Vector3};
@@ -124,24 +124,24 @@ fn from_beside_the_keys_it_goes_straight_up_first() {
 /// The rail is 485 mm before the base, 674 mm long and 170 mm high; home is at 524, 0 and 585 mm.
 #[test]
 fn a_box_holds_the_keyboard_and_the_way_there_or_nothing_begins() {
-    let fenced = |fence: [[i32; 2]; 3]| {
+    let with_box = |sides: [[i32; 2]; 3]| {
         let mut rig = rig();
-        rig.arm.fence_mm = Some(Fence(fence));
+        rig.arm.box_mm = Some(SafetyBox(sides));
         rig
     };
-    for (fence, said) in [
+    for (sides, said) in [
         ([[300, 700], [-300, 400], [100, 700]], "+0.337 m along the keyboard: y of the flange is -337"),
         ([[300, 700], [-400, 341], [100, 700]], "-0.337 m along the keyboard: y of the flange is 337"),
         ([[300, 700], [-400, 400], [100, 200]], "above the keyboard: z of the flange is"),
         ([[300, 700], [-400, 400], [100, 500]], "home and the keyboard: z of the flange is"),
         ([[300, 500], [-400, 400], [100, 700]], "x of the flange is"),
     ] {
-        let error = Robot::new(&fenced(fence), path()).map(drop).unwrap_err().to_string();
-        assert!(error.contains(said) && error.contains("arm.fence_mm"), "{error}");
+        let error = Robot::new(&with_box(sides), path()).map(drop).unwrap_err().to_string();
+        assert!(error.contains(said) && error.contains("arm.box_mm"), "{error}");
     }
     // From everywhere in the box home and to the ends of the keyboard, and the controller never
     // minds.
-    let rig = fenced([[300, 700], [-400, 400], [100, 700]]);
+    let rig = with_box([[300, 700], [-400, 400], [100, 700]]);
     let mut bench = Bench::with(&rig);
     bench.devices.arm.place(PAPER_HOME_DEG.map(f64::to_radians));
     bench.start();
@@ -156,7 +156,7 @@ fn a_box_holds_the_keyboard_and_the_way_there_or_nothing_begins() {
     assert_eq!(bench.devices.arm.error(), 0);
     // Beside the keyboard, behind the base: the arm stands inside a large box, and its way would
     // lead out.
-    let mut bench = Bench::with(&fenced([[-700, 700], [-400, 400], [100, 700]]));
+    let mut bench = Bench::with(&with_box([[-700, 700], [-400, 400], [100, 700]]));
     let mut behind = PAPER_HOME_DEG.map(f64::to_radians);
     behind[0] += 3.0;
     bench.devices.arm.place(behind);

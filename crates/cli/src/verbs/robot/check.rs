@@ -27,7 +27,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     let rig = &args.rig;
     let interrupt = stop_flag()?;
     let choice = rig_choice(&rig.robot, "standard")?;
-    let fence = choice.missing_fence()?;
+    let safety_box = choice.missing_box()?;
     let mut session = choice.open_at_rest(choice.side(), 0)?;
     let held = session.hold(Duration::from_millis(500), &interrupt).map_err(Into::into);
     let checked = held.and_then(|fault| match fault {
@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         "rail": { "m": place.rail_m, "beside_m": place.beside_m, "turned_rad": place.turned_rad },
         "keyboard": robot.keyboard().state().to_string(),
         "warnings": robot.warnings(),
-        "missing_fence": fence,
+        "missing_box": safety_box,
         "joints": checked.as_deref().map(joints),
         "fault": fault,
     });
@@ -87,8 +87,10 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         for warning in robot.warnings() {
             line(format!("warning   {warning}"))?;
         }
-        if let Some(fence) = fence {
-            line(format!("fence     none yet; a suitable one for the rig's file, under [arm]: {fence}"))?;
+        if let Some(safety_box) = safety_box {
+            line(format!(
+                "box       none yet; a suitable one for the rig's file, under [arm]: {safety_box}"
+            ))?;
         }
         for joint in checked.iter().flatten() {
             line(format!(

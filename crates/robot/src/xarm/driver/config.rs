@@ -6,7 +6,7 @@ use std::time::Duration;
 use etude_checks::{RangeError, settings};
 use serde::{Deserialize, Serialize};
 
-use crate::xarm::fence::Fence;
+use crate::xarm::safety_box::SafetyBox;
 
 settings! {
     /// Settings of the arm's driver. Limits, rates and ranges: the xArm user manual.
@@ -23,7 +23,7 @@ settings! {
         /// Box that the flange must stay in, mm in the frame of the arm's base: lowest and highest
         /// x, y, z. Without one, the controller keeps its own setting.
         #[serde(skip_serializing_if = "Option::is_none")]
-        pub fence_mm: Option<Fence> = None;
+        pub box_mm: Option<SafetyBox> = None;
         // The controller's default jerks and largest accelerations. They replace what another
         // program has set. Servo mode is documented to use the largest acceleration, which may be
         // this one. With smaller values than the least a move home would take minutes.
@@ -59,7 +59,7 @@ impl ArmConfig {
     /// Names the first one that is out of range.
     pub fn check(&self) -> Result<(), RangeError> {
         self.check_ranges()?;
-        self.fence_mm.map_or(Ok(()), Fence::check)
+        self.box_mm.map_or(Ok(()), SafetyBox::check)
     }
 
     /// Time between two targets.
@@ -87,10 +87,10 @@ mod tests {
             ("tcp_acceleration_m_s2", |config| config.tcp_acceleration_m_s2 = 50.1),
             ("joint_jerk_rad_s3", |config| config.joint_jerk_rad_s3 = 28648_f64.to_radians()),
             ("joint_acceleration_rad_s2", |config| config.joint_acceleration_rad_s2 = 1146_f64.to_radians()),
-            ("fence_mm (highest x)", |config| config.fence_mm = Some(Fence([[1, 50], [1, 51], [1, 51]]))),
-            ("fence_mm (lowest z)", |config| config.fence_mm = Some(Fence([[1, 51], [1, 51], [-401, 51]]))),
-            ("fence_mm (lowest y)", |config| {
-                config.fence_mm = Some(Fence([[1, 51], [i32::MAX, i32::MIN], [1, 51]]));
+            ("box_mm (highest x)", |config| config.box_mm = Some(SafetyBox([[1, 50], [1, 51], [1, 51]]))),
+            ("box_mm (lowest z)", |config| config.box_mm = Some(SafetyBox([[1, 51], [1, 51], [-401, 51]]))),
+            ("box_mm (lowest y)", |config| {
+                config.box_mm = Some(SafetyBox([[1, 51], [i32::MAX, i32::MIN], [1, 51]]));
             }),
         ];
         for (name, spoil) in odd {
@@ -100,11 +100,12 @@ mod tests {
         }
         assert!(toml::from_str::<ArmConfig>("servo_hz = 100.0").unwrap().check().is_ok());
         assert!(toml::from_str::<ArmConfig>("servo_speed = 100.0").is_err());
-        let fenced = "fence_mm = [[300, 700], [-450, 450], [100, 700]]";
-        let fenced: ArmConfig = toml::from_str(fenced).unwrap();
+        let has_box = "box_mm = [[300, 700], [-450, 450], [100, 700]]";
+        let has_box: ArmConfig = toml::from_str(has_box).unwrap();
         assert!(
-            fenced.check().is_ok() && fenced.fence_mm == Some(Fence([[300, 700], [-450, 450], [100, 700]]))
+            has_box.check().is_ok()
+                && has_box.box_mm == Some(SafetyBox([[300, 700], [-450, 450], [100, 700]]))
         );
-        assert_eq!(toml::from_str::<ArmConfig>(&toml::to_string(&fenced).unwrap()).unwrap(), fenced);
+        assert_eq!(toml::from_str::<ArmConfig>(&toml::to_string(&has_box).unwrap()).unwrap(), has_box);
     }
 }

@@ -24,7 +24,7 @@ const ASK_AGAIN: Duration = Duration::from_millis(20);
 /// Offsets of the box and of its switch in the reply of register 53, which has the order of the
 /// report from its byte 495 on (ufactory_docs).
 const BOX_AT: usize = 1;
-const FENCE_AT: usize = 77;
+const BOX_ON_AT: usize = 77;
 
 impl Arm {
     /// Bytes from the command port.
@@ -150,18 +150,18 @@ impl Arm {
             Step::Tell(Register::JointJerk) => params.extend(float(config.joint_jerk_rad_s3)),
             Step::Tell(Register::JointAcceleration) => params.extend(float(config.joint_acceleration_rad_s2)),
             Step::Tell(Register::SafetyBox) => {
-                let Some(fence) = config.fence_mm else { return };
+                let Some(safety_box) = config.box_mm else { return };
                 // The controller would stop the arm as soon as it runs.
-                if let Err(outside) = self.pose().map_or(Ok(()), |pose| fence.holds(&pose.position_m)) {
-                    return self.fail(ArmFault::OutsideFence(outside));
+                if let Err(outside) = self.pose().map_or(Ok(()), |pose| safety_box.holds(&pose.position_m)) {
+                    return self.fail(ArmFault::OutsideBox(outside));
                 }
-                params.extend(fence.to_wire().map(i32::to_le_bytes).as_flattened());
+                params.extend(safety_box.to_wire().map(i32::to_le_bytes).as_flattened());
             }
             Step::Tell(Register::SafetyBoxOn) => params.push(1),
             Step::Tell(Register::TcpOffset) => params.extend([0.0_f32.to_le_bytes(); 6].as_flattened()),
             Step::Tell(_)
             | Step::Serial
-            | Step::Fenced
+            | Step::ReadBox
             | Step::NoError
             | Step::Unstopped
             | Step::Await(_) => {}
@@ -240,10 +240,10 @@ impl Arm {
             (Step::NoError | Step::Unstopped | Step::Await(_), None) => {
                 return self.fail(ArmFault::ProtocolNonsense("a reply is too short"));
             }
-            (Step::Fenced, _) if !self.is_fenced(params) => {
+            (Step::ReadBox, _) if !self.has_box(params) => {
                 return self.fail(ArmFault::CommandRejected { register: Register::SafetyBox.name() });
             }
-            (Step::Fenced, _) => true,
+            (Step::ReadBox, _) => true,
             (Step::NoError, Some(0)) => true,
             (Step::NoError, code) => return self.fail(ArmFault::Controller { code }),
             (Step::Unstopped | Step::Await(_), Some(state)) if work.forbids(state) => {
@@ -259,8 +259,8 @@ impl Arm {
         work.ask_at = if done { now } else { now + ASK_AGAIN };
         if done {
             (work.at, work.since) = (work.at + 1, now);
-            let fenced = self.config.fence_mm.is_some();
-            while !fenced && work.steps.get(work.at).is_some_and(|step| step.is_of_the_fence()) {
+            let has_box = self.config.box_mm.is_some();
+            while !has_box && work.steps.get(work.at).is_some_and(|step| step.is_of_the_box()) {
                 work.at += 1;
             }
         }
@@ -271,11 +271,11 @@ impl Arm {
     }
 
     /// Whether the settings of the reduced mode (register 53) have our box, switched on.
-    fn is_fenced(&self, params: &[u8]) -> bool {
+    fn has_box(&self, params: &[u8]) -> bool {
         let sides = params.get(BOX_AT..BOX_AT + 12).map(|bytes| bytes.as_chunks::<2>().0);
         let sides = sides.unwrap_or_default().iter().map(|side| i32::from(i16::from_be_bytes(*side)));
-        let watched = params.get(FENCE_AT).is_some_and(|on| *on == 1);
-        watched && self.config.fence_mm.is_some_and(|fence| sides.eq(fence.to_wire()))
+        let watched = params.get(BOX_ON_AT).is_some_and(|on| *on == 1);
+        watched && self.config.box_mm.is_some_and(|safety_box| sides.eq(safety_box.to_wire()))
     }
 
     /// Whether the arm is ready in this mode: its reply and a report from after the change both

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use crate::xarm::errors::controller_error;
-use crate::xarm::fence::OutsideFence;
 use crate::xarm::kinematics::KinematicsError;
+use crate::xarm::safety_box::OutsideBox;
 
 /// Why a target was refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -17,7 +17,7 @@ pub enum TargetError {
     BeyondLimit(KinematicsError),
     /// The flange would be outside its box.
     #[error(transparent)]
-    OutsideFence(OutsideFence),
+    OutsideBox(OutsideBox),
     /// A joint would have to be too fast.
     #[error("joint {joint} would need {needed_rad_s:.2} rad/s, allowed are {allowed_rad_s:.2}")]
     JointTooFast {
@@ -113,9 +113,9 @@ pub enum ArmFault {
     RefusedTarget(TargetError),
     /// The arm stands outside its box.
     #[error(
-        "the arm cannot start here: {0}; guide it inside with UFACTORY Studio, or correct arm.fence_mm, then start again"
+        "the arm cannot start here: {0}; guide it inside with UFACTORY Studio, or correct arm.box_mm, then start again"
     )]
-    OutsideFence(OutsideFence),
+    OutsideBox(OutsideBox),
     /// The controller refused a command.
     #[error(
         "the arm's controller refused \"{register}\": update its firmware, check the config, then start again"

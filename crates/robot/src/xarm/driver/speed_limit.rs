@@ -15,9 +15,9 @@ impl Arm {
     /// Whether a target may follow the one before.
     pub(super) fn allowed(&self, target: &Target) -> Result<(), TargetError> {
         possible(&target.joints)?;
-        if let Some(fence) = self.config.fence_mm {
+        if let Some(safety_box) = self.config.box_mm {
             let flange = kinematics::forward(&target.joints).position_m;
-            fence.holds(&flange).map_err(TargetError::OutsideFence)?;
+            safety_box.holds(&flange).map_err(TargetError::OutsideBox)?;
         }
         let Some(before) = self.target.or(self.sent) else { return Ok(()) };
         let secs = self.step_secs();

@@ -17,7 +17,7 @@ pub(super) enum Step {
     /// Reads the serial number.
     Serial,
     /// Reads back the box: it must be the one that was set, and watched.
-    Fenced,
+    ReadBox,
     /// Reads the error: there must be none.
     NoError,
     /// Reads the state: another client may have stopped the arm, and setting the state would undo
@@ -49,7 +49,7 @@ pub(super) const START: &[Step] = &[
     Step::Tell(Register::TcpOffset),
     Step::Tell(Register::SafetyBox),
     Step::Tell(Register::SafetyBoxOn),
-    Step::Fenced,
+    Step::ReadBox,
     Step::Mode(SERVO),
     Step::Tell(Register::SetState),
     Step::NoError,
@@ -71,7 +71,7 @@ pub(super) const MANUAL: u8 = 2;
 
 impl Step {
     /// Whether only an arm with a box needs it.
-    pub(super) fn is_of_the_fence(self) -> bool {
+    pub(super) fn is_of_the_box(self) -> bool {
         use Register::{ReducedMode, SafetyBox, SafetyBoxOn, TcpOffset};
         matches!(self.register(), SafetyBox | SafetyBoxOn | TcpOffset | ReducedMode)
     }
@@ -83,7 +83,7 @@ impl Step {
             Self::Mode(_) => Register::SetMode,
             Self::Version => Register::Version,
             Self::Serial => Register::Serial,
-            Self::Fenced => Register::ReducedMode,
+            Self::ReadBox => Register::ReducedMode,
             Self::NoError => Register::Errors,
             Self::Unstopped | Self::Await(_) => Register::GetState,
         }

@@ -3,7 +3,7 @@
 use etude_emulators::{ArmEmulatorConfig, ReportKind};
 use etude_robot::xarm::codec::{FEEDBACK, Frame, floats};
 use etude_robot::xarm::kinematics::{self, ARM_JOINTS};
-use etude_robot::xarm::{Arm, ArmConfig, ArmError, ArmFault, ArmState, Fence, TargetError};
+use etude_robot::xarm::{Arm, ArmConfig, ArmError, ArmFault, ArmState, SafetyBox, TargetError};
 
 use super::bench::{Bench, MS, apart, flange_m, home, over_keys, smooth};
 
@@ -43,7 +43,7 @@ fn limits_and_box_arrive_in_the_arms_units() {
         tcp_acceleration_m_s2: 4.0,
         joint_jerk_rad_s3: 50.0,
         joint_acceleration_rad_s2: 1.5,
-        fence_mm: Some(Fence([[200, 700], [-450, 460], [100, 800]])),
+        box_mm: Some(SafetyBox([[200, 700], [-450, 460], [100, 800]])),
         ..ArmConfig::default()
     };
     let mut bench = Bench::new();
@@ -75,15 +75,15 @@ fn without_a_box_nothing_is_said_about_one() {
 #[test]
 fn nothing_is_sent_outside_the_box() {
     // The paper's home is at x 524, y 0, z 585 mm.
-    let fence = Fence([[300, 700], [-200, 200], [100, 700]]);
-    let fenced = || {
+    let safety_box = SafetyBox([[300, 700], [-200, 200], [100, 700]]);
+    let has_box = || {
         let mut bench = Bench::new();
-        bench.arm = Arm::new(ArmConfig { fence_mm: Some(fence), ..ArmConfig::default() }).unwrap();
+        bench.arm = Arm::new(ArmConfig { box_mm: Some(safety_box), ..ArmConfig::default() }).unwrap();
         bench.arm.connected(bench.now);
         bench.arm.start(bench.now).unwrap();
         bench
     };
-    let mut bench = fenced();
+    let mut bench = has_box();
     bench.until(ArmState::Ready);
     let mut outside = home();
     outside[0] += 0.5;
@@ -93,19 +93,19 @@ fn nothing_is_sent_outside_the_box() {
         joints[0] += 0.8 * smooth(time / 2.0);
         joints
     });
-    let Err(ArmError::Fault(fault @ ArmFault::RefusedTarget(TargetError::OutsideFence(_)))) = led else {
+    let Err(ArmError::Fault(fault @ ArmFault::RefusedTarget(TargetError::OutsideBox(_)))) = led else {
         panic!("{led:?}");
     };
     assert!(fault.to_string().contains("y of the flange"), "{fault}");
     bench.run(1000);
     assert_eq!((bench.emulator.error(), bench.emulator.state()), (0, 4));
     // From outside nothing starts, and it says why.
-    let mut bench = fenced();
+    let mut bench = has_box();
     bench.emulator.place(outside);
     bench.run(6000);
     let fault = bench.fault().unwrap();
     assert!(
-        matches!(fault, ArmFault::OutsideFence(_))
+        matches!(fault, ArmFault::OutsideBox(_))
             && fault.to_string().contains("guide it inside with UFACTORY Studio"),
         "{fault}"
     );

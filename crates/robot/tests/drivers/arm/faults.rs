@@ -5,7 +5,7 @@ use std::time::Duration;
 use etude_emulators::ReportKind;
 use etude_robot::xarm::codec::{Frame, Register, ReplyState};
 use etude_robot::xarm::kinematics::ARM_JOINTS;
-use etude_robot::xarm::{Arm, ArmConfig, ArmError, ArmFault, ArmState, Fence, TargetError};
+use etude_robot::xarm::{Arm, ArmConfig, ArmError, ArmFault, ArmState, SafetyBox, TargetError};
 
 use super::bench::{Bench, home, smooth};
 
@@ -291,7 +291,7 @@ fn a_stop_from_elsewhere_during_a_change_of_mode_is_a_fault() {
 /// A start ends in a fault that names the register of which the arm would have nothing.
 #[test]
 fn a_setting_that_is_refused_is_a_failed_start_that_names_it() {
-    let fence = Fence([[200, 700], [-450, 450], [100, 800]]);
+    let safety_box = SafetyBox([[200, 700], [-450, 450], [100, 800]]);
     for (register, name) in [
         (31, "TCP jerk"),
         (32, "TCP acceleration"),
@@ -307,7 +307,7 @@ fn a_setting_that_is_refused_is_a_failed_start_that_names_it() {
                 continue;
             }
             let mut bench = Bench::new();
-            bench.arm = Arm::new(ArmConfig { fence_mm: Some(fence), ..ArmConfig::default() }).unwrap();
+            bench.arm = Arm::new(ArmConfig { box_mm: Some(safety_box), ..ArmConfig::default() }).unwrap();
             bench.arm.connected(bench.now);
             bench.arm.start(bench.now).unwrap();
             bench.spoil = Some((register, bits));
@@ -324,13 +324,13 @@ fn a_setting_that_is_refused_is_a_failed_start_that_names_it() {
 /// A reply proves nothing: another program takes the box away as soon as it is set.
 #[test]
 fn a_box_that_is_not_there_is_a_failed_start() {
-    let fence = Fence([[200, 700], [-450, 450], [100, 800]]);
+    let safety_box = SafetyBox([[200, 700], [-450, 450], [100, 800]]);
     let off: &[u8] = &[59, 0];
     let other =
         [&[52][..], [700_i32, 200, 450, -450, 800, 101].map(i32::to_le_bytes).as_flattened()].concat();
     for undo in [off, &other] {
         let mut bench = Bench::new();
-        bench.arm = Arm::new(ArmConfig { fence_mm: Some(fence), ..ArmConfig::default() }).unwrap();
+        bench.arm = Arm::new(ArmConfig { box_mm: Some(safety_box), ..ArmConfig::default() }).unwrap();
         bench.arm.connected(bench.now);
         bench.arm.start(bench.now).unwrap();
         while bench.wire.frames.last().is_none_or(|frame| frame.register() != 59) {

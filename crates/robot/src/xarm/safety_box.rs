@@ -24,15 +24,15 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// A box in the frame of the arm's base: lowest and highest x, y and z of the flange, mm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Fence(pub [[i32; 2]; 3]);
+pub struct SafetyBox(pub [[i32; 2]; 3]);
 
 /// The flange is, or would be, outside the box.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "{axis} of the flange is {at_mm:.0} mm, and arm.fence_mm allows {low_mm} to {high_mm}, {margin} mm less at each side",
+    "{axis} of the flange is {at_mm:.0} mm, and arm.box_mm allows {low_mm} to {high_mm}, {margin} mm less at each side",
     margin = MARGIN_MM
 )]
-pub struct OutsideFence {
+pub struct OutsideBox {
     /// Along which axis of the base.
     pub axis: &'static str,
     /// Where the flange is, mm.
@@ -43,7 +43,7 @@ pub struct OutsideFence {
     pub high_mm: i32,
 }
 
-impl Fence {
+impl SafetyBox {
     /// The largest one.
     pub const WIDEST: Self = Self(MAX_SIDES_MM);
 
@@ -70,8 +70,8 @@ impl Fence {
         let least = f64::from(MIN_SIDE_MM);
         for ((axis, side), widest) in AXES.into_iter().zip(self.0).zip(MAX_SIDES_MM) {
             let ([low, high], [min, max]) = (side.map(f64::from), widest.map(f64::from));
-            check_range(format!("arm.fence_mm (lowest {axis})"), low, min..=max - least)?;
-            check_range(format!("arm.fence_mm (highest {axis})"), high, low + least..=max)?;
+            check_range(format!("arm.box_mm (lowest {axis})"), low, min..=max - least)?;
+            check_range(format!("arm.box_mm (highest {axis})"), high, low + least..=max)?;
         }
         Ok(())
     }
@@ -80,11 +80,11 @@ impl Fence {
     ///
     /// # Errors
     /// Names the first axis along which it may not.
-    pub fn holds(&self, position_m: &Vector3<f64>) -> Result<(), OutsideFence> {
+    pub fn holds(&self, position_m: &Vector3<f64>) -> Result<(), OutsideBox> {
         for ((axis, metres), [low_mm, high_mm]) in AXES.into_iter().zip(position_m.iter()).zip(self.0) {
             let (at_mm, low, high) = (metres * 1e3, f64::from(low_mm), f64::from(high_mm));
             if !(low + MARGIN_MM..=high - MARGIN_MM).contains(&at_mm) {
-                return Err(OutsideFence { axis, at_mm, low_mm, high_mm });
+                return Err(OutsideBox { axis, at_mm, low_mm, high_mm });
             }
         }
         Ok(())
@@ -95,7 +95,7 @@ impl Fence {
     ///
     /// # Errors
     /// Names the first axis along which the flange would leave.
-    pub fn holds_path(&self, from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]) -> Result<(), OutsideFence> {
+    pub fn holds_path(&self, from: &[f64; ARM_JOINTS], to: &[f64; ARM_JOINTS]) -> Result<(), OutsideBox> {
         flange_positions(from, to).try_for_each(|position_m| self.holds(&position_m))
     }
 
@@ -149,13 +149,13 @@ mod tests {
         let from = PAPER_HOME_DEG.map(f64::to_radians);
         let mut to = from;
         (to[0], to[6]) = (std::f64::consts::PI, from[6]);
-        let narrow = Fence([[-600, 600], [-100, 100], [500, 650]]);
+        let narrow = SafetyBox([[-600, 600], [-100, 100], [500, 650]]);
         narrow.holds(&forward(&from).position_m).unwrap();
         narrow.holds(&forward(&to).position_m).unwrap();
         let outside = narrow.holds_path(&from, &to).unwrap_err();
         assert_eq!((outside.axis, outside.high_mm), ("y", 100));
-        assert!(outside.to_string().contains("arm.fence_mm allows -100 to 100"), "{outside}");
-        Fence([[-600, 600], [-600, 600], [500, 650]]).holds_path(&from, &to).unwrap();
+        assert!(outside.to_string().contains("arm.box_mm allows -100 to 100"), "{outside}");
+        SafetyBox([[-600, 600], [-600, 600], [500, 650]]).holds_path(&from, &to).unwrap();
     }
 
     proptest! {
@@ -165,18 +165,18 @@ mod tests {
             size in prop::array::uniform3(50..700_i32),
             at_m in prop::array::uniform3(-1.0..1.0_f64),
         ) {
-            let fence = Fence(std::array::from_fn(|axis| [low[axis], low[axis] + size[axis]]));
-            prop_assert_eq!(Fence::from_wire(fence.to_wire()), fence);
+            let safety_box = SafetyBox(std::array::from_fn(|axis| [low[axis], low[axis] + size[axis]]));
+            prop_assert_eq!(SafetyBox::from_wire(safety_box.to_wire()), safety_box);
             let at = Vector3::from(at_m);
-            prop_assert!(fence.holds(&at).is_err() || fence.contains(&at));
+            prop_assert!(safety_box.holds(&at).is_err() || safety_box.contains(&at));
         }
 
         #[test]
         fn no_number_is_inside(axis in 0..3_usize, odd in prop::sample::select(&[f64::NAN, f64::INFINITY][..])) {
             let mut at = Vector3::zeros();
             at[axis] = odd;
-            prop_assert!(Fence::WIDEST.holds(&at).is_err());
-            prop_assert!(Fence::WIDEST.holds_path(&[odd; ARM_JOINTS], &[0.0; ARM_JOINTS]).is_err());
+            prop_assert!(SafetyBox::WIDEST.holds(&at).is_err());
+            prop_assert!(SafetyBox::WIDEST.holds_path(&[odd; ARM_JOINTS], &[0.0; ARM_JOINTS]).is_err());
         }
     }
 }
