@@ -5,8 +5,8 @@
 //! torque. A key, a fence or a person can bring a finger to the same place, and what is measured
 //! does not tell who did. So a joint that stands although it is pushed hard is asked once: for a
 //! moment it is pushed the other way. Only a joint of the wrong sign then comes nearer to its
-//! reference. A finger that may be on a key is not asked: a note would stop, and the arm may drag it
-//! along a fence meanwhile.
+//! reference. A finger that may be on a key is not asked: a note would stop, and the arm may drag
+//! it along a fence meanwhile.
 
 use std::time::Duration;
 
