@@ -5,7 +5,8 @@
 //! torque. A key, a fence or a person can bring a finger to the same place, and what is measured
 //! does not tell who did. So a joint that stands although it is pushed hard is asked once: for a
 //! moment it is pushed the other way. Only a joint of the wrong sign then comes nearer to its
-//! reference. A finger on a key is not asked in vain: a note would stop.
+//! reference. A finger that may be on a key is not asked: a note would stop, and the arm may drag
+//! it along a fence meanwhile.
 
 use std::time::Duration;
 
@@ -21,20 +22,11 @@ const STANDS_RAD: f64 = 0.03;
 const ASKS_SHARE: f64 = 0.5;
 const ASKS: Duration = Duration::from_millis(80);
 const NEARER_RAD: f64 = 0.03;
-/// How a finger over a key must have run away before it is asked: under a torque of this share,
-/// this fast (rad/s) and this far (rad).
-const PUSHED_SHARE: f64 = 0.3;
-const RUNS_RAD_S: f64 = 2.0;
-const RAN_RAD: f64 = 0.05;
 /// A longer time between two readings says nothing, s.
 const MAX_SECS: f64 = 0.05;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Joint {
-    before: f64,
-    share_before: f64,
-    /// How far it ran away, less what it came back as it was pushed, rad.
-    ran_rad: f64,
     stands_at: f64,
     /// How long it has been pushed hard there.
     hard_secs: f64,
@@ -84,6 +76,10 @@ impl Runaways {
         let mut found = None;
         for (joint, state) in self.joints.iter_mut().enumerate() {
             let (rad, share) = (positions[joint], shares[joint]);
+            if may_press.get(joint / 4) == Some(&true) {
+                (state.asks, state.stands_at, state.hard_secs) = (None, rad, 0.0);
+                continue;
+            }
             if state.asks.is_some() {
                 if state.answers_wrong(at, rad) {
                     found = found.or(Some((joint, rad)));
@@ -91,11 +87,8 @@ impl Runaways {
                 continue;
             }
             state.push(secs, rad, reference[joint], share);
-            let on_key = may_press.get(joint / 4) == Some(&true);
-            let bends_onto_key = on_key && share > 0.0 && !joint.is_multiple_of(4);
-            let explained = bends_onto_key || on_key && state.ran_rad <= RAN_RAD;
             let obeys = state.obeyed_at.is_some_and(|at| (rad - at).abs() <= STANDS_RAD);
-            if state.hard_secs > HARD_SECS && !explained && !obeys {
+            if state.hard_secs > HARD_SECS && !obeys {
                 state.asks = Some(Question { since: at, from_rad: rad, toward: share.signum() });
             }
         }
@@ -105,17 +98,8 @@ impl Runaways {
 
 impl Joint {
     fn push(&mut self, secs: f64, rad: f64, reference: f64, share: f64) {
-        let moved = rad - std::mem::replace(&mut self.before, rad);
-        let share_before = std::mem::replace(&mut self.share_before, share);
-        let is_known = secs > 0.0 && secs <= MAX_SECS;
-        if is_known && share_before.abs() >= PUSHED_SHARE {
-            let toward = moved * share_before.signum();
-            if toward > 0.0 || toward < -RUNS_RAD_S * secs {
-                self.ran_rad = (self.ran_rad - toward).max(0.0);
-            }
-        }
         let is_hard = share.abs() >= HARD_SHARE && (reference - rad) * share > 0.0;
-        if is_known && is_hard && (rad - self.stands_at).abs() <= STANDS_RAD {
+        if secs <= MAX_SECS && is_hard && (rad - self.stands_at).abs() <= STANDS_RAD {
             self.hard_secs += secs;
         } else {
             (self.stands_at, self.hard_secs) = (rad, 0.0);
@@ -130,7 +114,7 @@ impl Joint {
         }
         if at.saturating_sub(question.since) > ASKS {
             let obeyed_at = Some(question.from_rad);
-            *self = Self { before: rad, stands_at: rad, obeyed_at, ..Self::default() };
+            *self = Self { stands_at: rad, obeyed_at, ..Self::default() };
         }
         false
     }
@@ -194,9 +178,6 @@ mod tests {
                 assert!(at.is_some_and(|at| at < 1.0) && asked < 30, "joint {joint} from {from}: {at:?}");
             }
         }
-        // Among fences, if it ran there.
-        let rotates = Plant { joint: 4, sign: -1.0, on_key: true, ..SOUND };
-        assert!(rotates.run().0.is_some_and(|at| at < 1.0));
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Joints of the hand whose encoder counts in the wrong direction, and fingers that are only pushed.
+//! Joints of the hand whose encoder counts in the wrong direction, and fingers that are only
+//! pushed.
 
 use etude_robot::Phase;
 use etude_robot::allegro::PWM_LIMITS;
