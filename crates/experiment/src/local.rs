@@ -164,7 +164,7 @@ fn start(
         .args(["experiment", "trial"])
         .arg(plan)
         .arg(index.to_string())
-        .arg("--runs")
+        .arg("--runs-dir")
         .arg(runs)
         .args(["--threads", &config.threads.to_string()])
         .env(ATTENDED, "1")

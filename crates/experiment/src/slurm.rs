@@ -70,7 +70,7 @@ again=
 trap 'again=1; kill -TERM "$trial"' USR1
 trap 'kill -TERM "$trial"' TERM
 export RAYON_NUM_THREADS="$SLURM_CPUS_PER_TASK"
-{program} experiment trial {plan} "$SLURM_ARRAY_TASK_ID" --runs {runs} --threads "$SLURM_CPUS_PER_TASK" &
+{program} experiment trial {plan} "$SLURM_ARRAY_TASK_ID" --runs-dir {runs} --threads "$SLURM_CPUS_PER_TASK" &
 trial=$!
 wait "$trial"
 code=$?

@@ -32,7 +32,7 @@ pub fn plan_text(trials: &[Trial]) -> String {
 pub fn write_plan(path: &Path, trials: &[Trial]) -> anyhow::Result<()> {
     let runs = path.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(runs).map_err(|error| {
-        anyhow!("cannot create {}: {error}; choose another folder with --runs", runs.display())
+        anyhow!("cannot create {}: {error}; choose another folder with --runs-dir", runs.display())
     })?;
     Ok(write_file(path, &plan_text(trials))?)
 }

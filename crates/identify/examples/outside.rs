@@ -17,7 +17,7 @@ use etude_identify::{
 };
 use etude_perform::{Excitation, shaping_params};
 use etude_robot::rig_file::RigConfig;
-use etude_stage::controller::{Controller, Gains};
+use etude_stage::controller::{Controller, ControllerConstants};
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::params::JointRow;
 use etude_stage::{
@@ -147,7 +147,7 @@ fn references(params: &PhysicalParams, motion: &Motion) -> Fallible<Vec<[f64; DR
     let Commands::Targets(targets) = &motion.commands else { return Err("a motion without targets".into()) };
     let step_secs = StageConfig::default().physics_step_secs();
     let gains = std::array::from_fn::<_, DRIVEN_JOINTS, _>(|joint| {
-        Gains::new(params, joint, Actuation::Controlled, step_secs)
+        ControllerConstants::new(params, joint, Actuation::Controlled, step_secs)
     });
     let mut controllers = motion.start.map(Controller::at_rest);
     let mut follow = |targets: &[f64; DRIVEN_JOINTS]| -> [f64; DRIVEN_JOINTS] {

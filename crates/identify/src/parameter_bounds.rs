@@ -67,9 +67,8 @@ const RAIL_ROWS: &[(JointRow, Bounds)] = &[
 
 /// Parameters that only motions with key contact identify, of which slow presses measure most. The
 /// bounds of the keyboard's height are errors of its calibration. Its lateral position is not
-/// fitted: what is played does not show it. In what is played a
-/// finger's encoder biases show only in the height of its tip, so only that of its first bending
-/// joint is estimated.
+/// fitted: what is played does not show it. There a finger's encoder biases show only in the height
+/// of its tip, so only that of its first bending joint is estimated.
 const CONTACT: &[(WorldRow, Bounds)] = &[
     (WorldRow::KeyboardHeight, Around(0.006)),
     (WorldRow::KeyThreshold, Around(0.3)),

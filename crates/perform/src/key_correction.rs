@@ -31,7 +31,7 @@ struct KeyCorrection {
 
 /// The notes of a performance.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct PlayedNotes {
+pub struct PlannedAndPlayed {
     /// Those that were planned, at times of the control steps.
     pub planned: Vec<Note>,
     /// Those that were played.
@@ -65,7 +65,7 @@ impl KeyCorrections {
     /// `late_secs` later than planned. If fewer than half of them sounded, the corrections stay:
     /// then something else is wrong than the paths.
     #[must_use]
-    pub fn after(&self, strokes: &PlayedNotes, late_secs: f64) -> Self {
+    pub fn after(&self, strokes: &PlannedAndPlayed, late_secs: f64) -> Self {
         let timed = TimedNotes { strokes, late_secs };
         let matched: Vec<Option<&Note>> = strokes.planned.iter().map(|note| timed.stroke_of(note)).collect();
         if 2 * matched.iter().flatten().count() < strokes.planned.len() {
@@ -148,7 +148,7 @@ impl KeyCorrections {
 
 /// The notes of a run, and how much later than planned they should be.
 struct TimedNotes<'a> {
-    strokes: &'a PlayedNotes,
+    strokes: &'a PlannedAndPlayed,
     late_secs: f64,
 }
 

@@ -39,7 +39,7 @@ pub use evaluate::{LEARNED_F1, NoteCounts, SCORES, SongEvaluator};
 pub use excitation::{Excitation, ExcitationPlayer};
 pub use files::{FileError, write_file, write_frames_csv};
 pub use job::Job;
-pub use key_correction::{KeyCorrections, PlayedNotes};
+pub use key_correction::{KeyCorrections, PlannedAndPlayed};
 pub use messages::{
     Activity, ArmMessage, DueNote, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage,
     RewardMessage, SetPointMessage, StepMessage, TargetMessage,

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::correction::Tracking;
-use crate::key_correction::PlayedNotes;
+use crate::key_correction::PlannedAndPlayed;
 use crate::timing::Timing;
 
 /// A piece as it was played, to its end or until the performance ended early.
@@ -145,8 +145,8 @@ impl Performance {
     }
 
     /// Its notes, and those that were planned.
-    pub fn played_notes(&self) -> PlayedNotes {
-        PlayedNotes { planned: self.planned_notes(), played: self.notes(), end_secs: self.secs() }
+    pub fn played_notes(&self) -> PlannedAndPlayed {
+        PlannedAndPlayed { planned: self.planned_notes(), played: self.notes(), end_secs: self.secs() }
     }
 
     /// The notes that the player should play, at times of the control steps: those that are due,

@@ -6,7 +6,7 @@
 //! second time.
 
 use etude_robot::rig_file::LimitsConfig;
-use etude_stage::controller::{Actuation, Controller, Gains};
+use etude_stage::controller::{Actuation, Controller, ControllerConstants};
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
 
@@ -19,9 +19,9 @@ const LIMIT_SHARE: f64 = 0.95;
 
 /// Shapes targets into set-points.
 pub(crate) struct Shaping {
-    gains: [Gains; DRIVEN_JOINTS],
+    gains: [ControllerConstants; DRIVEN_JOINTS],
     /// Those of the rail while a key is down.
-    key_down_gains: Gains,
+    key_down_gains: ControllerConstants,
     controllers: [Controller; DRIVEN_JOINTS],
 }
 
@@ -30,7 +30,9 @@ impl Shaping {
     pub(crate) fn new(limits: &LimitsConfig, pose: &[f64; DRIVEN_JOINTS]) -> Self {
         let params = shaping_params(limits);
         let step = StageConfig::default().physics_step_secs();
-        let gains = std::array::from_fn(|joint| Gains::new(&params, joint, Actuation::Controlled, step));
+        let gains = std::array::from_fn(|joint| {
+            ControllerConstants::new(&params, joint, Actuation::Controlled, step)
+        });
         let key_down_gains = gains[RAIL].slower(params.world(WorldRow::KeyDownSpeed));
         Self { gains, key_down_gains, controllers: pose.map(Controller::at_rest) }
     }

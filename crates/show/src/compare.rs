@@ -4,7 +4,7 @@ use anyhow::bail;
 use etude_music::pitch_name;
 use serde::Serialize;
 
-use crate::replay::{PlayedNote, Take};
+use crate::replay::{Take, TakeNote};
 
 /// Two performances, A and B, of one piece.
 #[derive(Clone, Debug, Serialize)]
@@ -12,7 +12,7 @@ pub struct Comparison {
     /// Each note that was due.
     pub notes: Vec<ComparedNote>,
     /// Wrong strokes of A and of B.
-    pub strays: [Vec<PlayedNote>; 2],
+    pub strays: [Vec<TakeNote>; 2],
 }
 
 /// A due note in both performances.
@@ -82,7 +82,7 @@ fn stroke(take: &Take, index: usize) -> Option<Stroke> {
     })
 }
 
-fn strays(take: &Take) -> Vec<PlayedNote> {
+fn strays(take: &Take) -> Vec<TakeNote> {
     let plays_none = |index: usize| take.matches.iter().flatten().all(|found| found.note != index);
     take.notes.iter().enumerate().filter(|(index, _)| plays_none(*index)).map(|(_, note)| *note).collect()
 }

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use crate::html::page;
 use crate::render::Studio;
-use crate::replay::{PlayedNote, Take, read_take, replay_page, roll_svg};
+use crate::replay::{Take, TakeNote, read_take, replay_page, roll_svg};
 
 /// Size of a still, pixels.
 const STILL: [u32; 2] = [960, 540];
@@ -147,9 +147,9 @@ fn still(take: &Take, path: &Path) -> anyhow::Result<bool> {
 
 /// The middle of the note with which the most others sound; of several, the longest.
 fn best_moment(take: &Take) -> f64 {
-    let middle = |note: &PlayedNote| (note.start + note.end) / 2.0;
+    let middle = |note: &TakeNote| (note.start + note.end) / 2.0;
     let others = |secs: f64| take.notes.iter().filter(|note| (note.start..note.end).contains(&secs)).count();
-    let length = |note: &PlayedNote| note.end - note.start;
+    let length = |note: &TakeNote| note.end - note.start;
     let best = take.notes.iter().max_by(|one, other| {
         let counts = others(middle(one)).cmp(&others(middle(other)));
         counts.then(length(one).total_cmp(&length(other)))
@@ -218,7 +218,7 @@ mod tests {
         let header = Header { control_hz: 20.0, activity: Activity::Rest, ..Header::default() };
         let recording = Recording { header, steps, complete: true, ..Recording::default() };
         let mut take = Take::new(&recording, "r".to_string()).unwrap();
-        let note = |start, end| PlayedNote { pitch: 60, start, end, velocity: 60 };
+        let note = |start, end| TakeNote { pitch: 60, start, end, velocity: 60 };
         for (notes, secs) in [
             (vec![], 2.5),
             (vec![note(0.0, 0.5), note(1.0, 3.0)], 2.0),

@@ -3,7 +3,7 @@
 
 use etude_music::key_is_black;
 
-use crate::replay::{FILL_OF_OUT_OF_TIME, NoteJudgement, PlayedNote, Take};
+use crate::replay::{FILL_OF_OUT_OF_TIME, NoteJudgement, Take, TakeNote};
 
 /// Share of a picture's height.
 const SHARE: f64 = 0.22;
@@ -57,7 +57,7 @@ impl Strip {
             low -= u8::from(high - low + 1 < MIN_ROWS);
         }
         let bar =
-            |note: PlayedNote, judgement| Bar { pitch: note.pitch, secs: [note.start, note.end], judgement };
+            |note: TakeNote, judgement| Bar { pitch: note.pitch, secs: [note.start, note.end], judgement };
         let due = take.due_notes.iter().map(|note| bar(*note, None));
         let played = take.judged_notes().into_iter().map(|judged| bar(judged.note, Some(judged.judgement)));
         let (width, height) = (width as usize, height as usize);

@@ -33,7 +33,7 @@ const QUEUE: usize = 32;
 
 /// Constants of one controller, computed from [`PhysicalParams`] and the physics step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gains {
+pub struct ControllerConstants {
     step_secs: f64,
     stiffness: f64,
     damping: f64,
@@ -52,7 +52,7 @@ pub struct Gains {
     actuation: Actuation,
 }
 
-impl Gains {
+impl ControllerConstants {
     /// The constants of joint `index` for a physics step of `step_secs`.
     pub fn new(params: &PhysicalParams, index: usize, actuation: Actuation, step_secs: f64) -> Self {
         let value = |quantity| params.joint(quantity, index);
@@ -146,21 +146,27 @@ impl Controller {
 
     /// One physics step: the torque for `target` when the encoder reads `measured` and the joint
     /// moves at `velocity`.
-    pub fn torque(&mut self, gains: &Gains, target: f64, measured: f64, velocity: f64) -> f64 {
+    pub fn torque(&mut self, gains: &ControllerConstants, target: f64, measured: f64, velocity: f64) -> f64 {
         let wanted = self.follow(gains, target);
         gains.torque(wanted, measured, velocity)
     }
 
     /// One physics step as [`torque`](Self::torque), but `reference` is followed without low-pass
     /// and limits: for set-points that were shaped already.
-    pub fn track(&mut self, gains: &Gains, reference: f64, measured: f64, velocity: f64) -> f64 {
+    pub fn track(
+        &mut self,
+        gains: &ControllerConstants,
+        reference: f64,
+        measured: f64,
+        velocity: f64,
+    ) -> f64 {
         let wanted = self.delayed(gains, reference);
         gains.torque(wanted, measured, velocity)
     }
 
     /// One physics step without a torque: the set-point for `target`, for a robot whose own drives
     /// follow set-points.
-    pub fn follow(&mut self, gains: &Gains, target: f64) -> f64 {
+    pub fn follow(&mut self, gains: &ControllerConstants, target: f64) -> f64 {
         let wanted = match gains.actuation {
             Actuation::Position => target,
             Actuation::Controlled => {
@@ -173,7 +179,7 @@ impl Controller {
     }
 
     /// The delayed set-point, interpolated linearly between two physics steps.
-    fn delayed(&mut self, gains: &Gains, wanted: f64) -> f64 {
+    fn delayed(&mut self, gains: &ControllerConstants, wanted: f64) -> f64 {
         self.head = (self.head + 1) % QUEUE;
         self.queue[self.head] = wanted;
         let (whole, rest) = gains.delay;
@@ -182,7 +188,7 @@ impl Controller {
     }
 
     /// Moves the reference one step toward the filtered target within its limits.
-    fn advance(&mut self, gains: &Gains) {
+    fn advance(&mut self, gains: &ControllerConstants) {
         let dt = gains.step_secs;
         let error = self.filtered - self.position;
         // Far away: the speed from which half the acceleration limit still stops in time; the other
@@ -209,8 +215,8 @@ mod tests {
 
     const STEP: f64 = 0.005;
 
-    fn gains(index: usize) -> Gains {
-        Gains::new(&PhysicalParams::default(), index, Actuation::Controlled, STEP)
+    fn gains(index: usize) -> ControllerConstants {
+        ControllerConstants::new(&PhysicalParams::default(), index, Actuation::Controlled, STEP)
     }
 
     proptest! {
@@ -254,7 +260,7 @@ mod tests {
         let follow = |delay: f64| -> Vec<f64> {
             let mut params = PhysicalParams::default();
             params.set("joint.rail.delay", delay).unwrap();
-            let gains = Gains::new(&params, RAIL, Actuation::Position, STEP);
+            let gains = ControllerConstants::new(&params, RAIL, Actuation::Position, STEP);
             let mut controller = Controller::at_rest(0.0);
             (0..6).map(|_| controller.follow(&gains, 1.0)).collect()
         };
@@ -271,7 +277,7 @@ mod tests {
     fn a_reference_that_is_tracked_is_not_shaped_again() {
         let mut params = PhysicalParams::default();
         params.set("joint.index_1.delay", 0.01).unwrap();
-        let gains = Gains::new(&params, 1, Actuation::Controlled, STEP);
+        let gains = ControllerConstants::new(&params, 1, Actuation::Controlled, STEP);
         let mut controller = Controller::at_rest(0.0);
         let torques: Vec<f64> = (0..4).map(|_| controller.track(&gains, 0.1, 0.02, 0.5)).collect();
         let law = |wanted: f64| 3.0 * (wanted - 0.02) - 0.1 * 0.5;

@@ -55,7 +55,7 @@ pub struct TaskConfig {
     /// When keys are due: how repeated keys are let go, and how early commands are sent. The
     /// default is RoboPianist's rule, which the paper uses.
     ///
-    /// Its key is `task.plan`, which the headers of policies hold.
+    /// Its key in files and on the command line is `task.plan`.
     #[serde(rename = "plan")]
     pub key_schedule: KeyScheduleConfig,
     /// Silence before the first note, s.

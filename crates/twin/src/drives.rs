@@ -2,7 +2,7 @@
 //! of an angle.
 //!
 //! Here play is between encoder and link: a link that turns back has turned through the play before
-//! the encoder follows. The play that a motor's torque has to cross is in `play`.
+//! the encoder follows. The play that a motor's torque has to cross is in `backlash`.
 
 use etude_robot::allegro::{self, FULL_SCALE_PWM};
 use etude_robot::joints::HAND_DRIVEN_JOINTS;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use etude_music::pitch_name;
 use etude_show::compare::{Comparison, Stroke};
-use etude_show::replay::{PlayedNote, Take, read_take, recording, replay_page};
+use etude_show::replay::{Take, TakeNote, read_take, recording, replay_page};
 use serde_json::json;
 
 use super::play::note_summary;
@@ -96,6 +96,6 @@ fn cells(stroke: Option<Stroke>) -> String {
     format!("{:>8} {:>7} {:>9} ", format!("{onset:+.0}{mark}"), format!("{length:+.0}"), stroke.velocity)
 }
 
-fn stray_text(note: &PlayedNote) -> String {
+fn stray_text(note: &TakeNote) -> String {
     format!("{} at {:.2} s for {:.0} ms", pitch_name(note.pitch), note.start, (note.end - note.start) * 1e3)
 }

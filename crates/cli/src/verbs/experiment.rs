@@ -109,7 +109,7 @@ struct RunArgs {
     plan: PlanArgs,
     /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
-    runs: PathBuf,
+    runs_dir: PathBuf,
     /// Where the trials run
     #[arg(long, value_enum, default_value = "local")]
     launcher: Launcher,
@@ -140,7 +140,7 @@ struct StatusArgs {
     plan: PlanArgs,
     /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
-    runs: PathBuf,
+    runs_dir: PathBuf,
     /// Print JSON instead
     #[arg(long)]
     json: bool,
@@ -152,7 +152,7 @@ struct ReportArgs {
     plan: PlanArgs,
     /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
-    runs: PathBuf,
+    runs_dir: PathBuf,
     /// Folder of the page. Results of an earlier report in it are used too, so the page can be made
     /// again without the runs
     #[arg(short = 'o', long = "out", default_value = "out/experiments", value_name = "DIR")]
@@ -167,7 +167,7 @@ struct TrialArgs {
     index: usize,
     /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
-    runs: PathBuf,
+    runs_dir: PathBuf,
     /// Threads
     #[arg(long, default_value_t = 1)]
     threads: usize,
@@ -212,7 +212,7 @@ fn launch(args: &RunArgs) -> anyhow::Result<Ending> {
     let plans = args.plan.plans()?;
     let trials: Vec<Trial> = plans.iter().flat_map(|(_, trials)| trials.clone()).collect();
     let name = plans.iter().map(|(experiment, _)| experiment.name.as_str()).collect::<Vec<_>>().join("-");
-    let plan = plan_file(&args.runs, &name, &trials);
+    let plan = plan_file(&args.runs_dir, &name, &trials);
     let program = std::env::current_exe()?;
     match args.launcher {
         Launcher::Local => local(args, &trials, &plan, program),
@@ -232,10 +232,13 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
     let mut status = Status::new(false);
     let mut tell = |at: &Launch| status.part("trials", &running(at), at.share());
     let config = LocalConfig { program, workers, threads };
-    let report = launch_local(trials, plan, &args.runs, &config, &mut Job::new(&mut tell, &stop))?;
+    let report = launch_local(trials, plan, &args.runs_dir, &config, &mut Job::new(&mut tell, &stop))?;
     drop(status);
     for (id, why) in &report.failed {
-        note(format!("{id} failed: {why} ({})", args.runs.join(id).join(etude_experiment::LOG).display()));
+        note(format!(
+            "{id} failed: {why} ({})",
+            args.runs_dir.join(id).join(etude_experiment::LOG).display()
+        ));
     }
     let busy =
         if report.busy > 0 { format!(", {} are under way elsewhere", report.busy) } else { String::new() };
@@ -272,7 +275,7 @@ fn slurm(
     if args.workers.is_some() {
         anyhow::bail!("--workers is for this machine; on the cluster --throttle bounds the trials at a time");
     }
-    let indices = open_trials(trials, &args.runs);
+    let indices = open_trials(trials, &args.runs_dir);
     if indices.is_empty() {
         line("all trials are done, or under way")?;
         return Ok(Ending::Done);
@@ -284,7 +287,7 @@ fn slurm(
         cpus: args.threads.into(),
         options: args.sbatch.clone(),
     };
-    let runs = std::path::absolute(&args.runs)?;
+    let runs = std::path::absolute(&args.runs_dir)?;
     let plan_there = std::path::absolute(plan)?;
     let script = slurm_script(name, &plan_there, &runs, &std::env::current_dir()?, &indices, &config);
     if args.dry_run {
@@ -303,7 +306,8 @@ fn slurm(
 fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
     let mut all = Vec::new();
     for (experiment, trials) in args.plan.plans()? {
-        let states: Vec<TrialState> = trials.iter().map(|trial| TrialState::of(trial, &args.runs)).collect();
+        let states: Vec<TrialState> =
+            trials.iter().map(|trial| TrialState::of(trial, &args.runs_dir)).collect();
         let count = |state: TrialState| states.iter().filter(|other| **other == state).count();
         if args.json {
             let rows = trials
@@ -339,7 +343,7 @@ fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
 
 fn report(args: &ReportArgs) -> anyhow::Result<Ending> {
     let plans = args.plan.plans()?;
-    let page = etude_experiment::write_report(&plans, &args.plan.config(), &args.runs, &args.out)?;
+    let page = etude_experiment::write_report(&plans, &args.plan.config(), &args.runs_dir, &args.out)?;
     for missing in &page.missing {
         note(missing);
     }
@@ -365,7 +369,7 @@ fn trial(args: &TrialArgs) -> anyhow::Result<Ending> {
         }
     };
     let command = shell_line(std::env::args());
-    match run_trial(trial, &args.runs, args.threads, &command, &mut Job::new(&mut tell, &stop))? {
+    match run_trial(trial, &args.runs_dir, args.threads, &command, &mut Job::new(&mut tell, &stop))? {
         TrialEnd::Done => Ok(Ending::Done),
         TrialEnd::Stopped => Ok(Ending::Stopped),
         TrialEnd::Busy => {

@@ -47,20 +47,20 @@ enum Action {
     /// numbers, versions, temperature and position
     Check(check::Args),
     /// Move the robot slowly to the keyboard, fingers over the keys. Stand clear
-    Home(Rig),
+    Home(RigArgs),
     /// Calibrate the keyboard's position, one key at a time
     Calibrate(Calibrate),
     /// Release the hand and stop the arm at once, also during a performance
-    Stop(Rig),
+    Stop(RigArgs),
     /// Print the reports of the devices without moving anything
     Monitor(MonitorArgs),
     /// Stop the robot when the controller at the other end of standard input has ended
     #[command(hide = true)]
-    Guard(Rig),
+    Guard(RigArgs),
 }
 
 #[derive(clap::Args)]
-struct Rig {
+struct RigArgs {
     /// `twin`, or the file of a rig
     #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
@@ -136,7 +136,7 @@ fn file(robot: &str) -> anyhow::Result<RigConfig> {
     Ok(RigConfig::load(Path::new(robot))?)
 }
 
-fn home(rig: &Rig) -> anyhow::Result<Ending> {
+fn home(rig: &RigArgs) -> anyhow::Result<Ending> {
     let choice = rig_choice(&rig.robot, "standard")?;
     let interrupt = stop_flag()?;
     let pose = start_pose(choice.side())?;
@@ -234,7 +234,7 @@ fn enter(interrupt: &Arc<AtomicBool>) -> Receiver<()> {
     entered
 }
 
-fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
+fn stop_now(rig: &RigArgs) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
     // A starting controller checks for this request before it moves the arm.
     let (requested, stopped) = std::thread::scope(|scope| {
@@ -261,7 +261,7 @@ fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-fn guard(rig: &Rig) -> anyhow::Result<Ending> {
+fn guard(rig: &RigArgs) -> anyhow::Result<Ending> {
     // Signals that end the controller must not end its guard.
     let ignored = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP, SIGPIPE] {

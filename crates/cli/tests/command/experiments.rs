@@ -184,13 +184,13 @@ fn players_that_are_ready_play_songs_and_melodies_without_a_training() {
 fn tasks_that_were_stopped_or_whose_launcher_was_killed_end_the_same() {
     let sandbox = Sandbox::new();
     std::fs::write(sandbox.path("four.toml"), FOUR).unwrap();
-    done(tiny(&sandbox, "experiment run four.toml --runs whole"));
+    done(tiny(&sandbox, "experiment run four.toml --runs-dir whole"));
     let whole = results(&sandbox, "whole");
     assert_eq!(whole.len(), 4);
     // Told to stop; the launcher killed; and launcher and workers killed.
     for (signal, workers_too) in [("INT", false), ("KILL", false), ("KILL", true)] {
         let runs = format!("stopped-{signal}-{workers_too}");
-        let run = || tiny(&sandbox, &format!("experiment run four.toml --workers 1 --runs {runs}"));
+        let run = || tiny(&sandbox, &format!("experiment run four.toml --workers 1 --runs-dir {runs}"));
         let mut launcher = run().stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let first = sandbox.path(&runs).join(whole_first(&sandbox)).join("training/metrics.jsonl");
         let begun = Instant::now();
@@ -218,7 +218,7 @@ fn tasks_that_were_stopped_or_whose_launcher_was_killed_end_the_same() {
 
 fn status(runs: &str) -> String {
     let sets: String = TINY.iter().map(|set| format!(" --set {set}")).collect();
-    format!("experiment status four.toml --json --runs {runs}{sets}")
+    format!("experiment status four.toml --json --runs-dir {runs}{sets}")
 }
 
 /// The id of the plan's first trial.

@@ -170,8 +170,8 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
         assert!(output.status.success(), "{}", errors(&output));
         String::from_utf8(output.stdout).unwrap()
     };
-    run("--runs here");
-    let said = run("--runs there --launcher slurm --time 00:20:00");
+    run("--runs-dir here");
+    let said = run("--runs-dir there --launcher slurm --time 00:20:00");
     let job = said.trim_start_matches("job ").split(':').next().unwrap().to_string();
     let plan = tiny(&sandbox, "experiment plan four.toml")
         .args(longer.iter().flat_map(|set| ["--set", set]))
@@ -190,7 +190,7 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
     // One is killed; the other is told that its time is up, saves itself and asks to be requeued.
     // `scancel` goes on telling it, so nobody waits for it.
     let runs = sandbox.path("there").display().to_string();
-    let killed = with_arguments(&["1", "--runs", &runs]);
+    let killed = with_arguments(&["1", "--runs-dir", &runs]);
     assert!(!killed.is_empty(), "the second trial is running");
     killed.into_iter().for_each(|task| processes::signal(task, "KILL"));
     let mut told = Command::new("scancel");
@@ -211,5 +211,5 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
         cluster.say("squeue", &["-h"]).trim().is_empty()
     });
     assert!(results(&sandbox, "there") == results(&sandbox, "here"));
-    assert!(run("--runs there --launcher slurm").contains("all trials are done"));
+    assert!(run("--runs-dir there --launcher slurm").contains("all trials are done"));
 }

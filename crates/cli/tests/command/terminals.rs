@@ -138,7 +138,7 @@ const VERBS: &[Verb] = &[
     Verb { args: "rehearse long.mid --iterations 1 -o OUT", last: "OUT/rehearsal.html", ..VERB },
     // Its page is whole after each recording.
     Verb { args: "gallery takes -o OUT", last: "", ..VERB },
-    Verb { args: "experiment run songs --runs OUT", sign: "OUT", last: "OUT/index.html", ..VERB },
+    Verb { args: "experiment run songs --runs-dir OUT", sign: "OUT", last: "OUT/index.html", ..VERB },
     Verb { args: "robot check --robot twin --joints", ..VERB },
     Verb { args: "robot home --robot twin", ..VERB },
     Verb { args: "twin -o OUT", sign: "OUT/twin.toml", last: "", ..VERB },

@@ -1,4 +1,5 @@
-//! The commands of README and book, run as they stand.
+//! The commands of README and book, run. Trainings and fits are shortened; `left_out` says which are
+//! not run here.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;

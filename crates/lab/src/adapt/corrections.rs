@@ -1,6 +1,6 @@
 //! What a run of an adaptation plays, and what is learned from it for the next one.
 
-use etude_perform::{Correction, Delays, KeyCorrections, PlayedNotes, Tracking};
+use etude_perform::{Correction, Delays, KeyCorrections, PlannedAndPlayed, Tracking};
 use etude_stage::Side;
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +29,7 @@ pub(super) struct RunCorrections {
 
 /// The notes of a run.
 pub(super) struct Notes<'a> {
-    pub strokes: &'a PlayedNotes,
+    pub strokes: &'a PlannedAndPlayed,
     /// The latency compensation that was played with, s.
     pub latency_compensation_secs: f64,
     /// The one with which the notes would have been on time, s, if it is known.
@@ -102,7 +102,7 @@ mod tests {
         };
         // It sounds 0.1 s later than planned, which is the latency compensation, and 40 ms shorter.
         let strokes =
-            PlayedNotes { planned: vec![note(0.3, 0.5)], played: vec![note(0.42, 0.58)], end_secs: 1.5 };
+            PlannedAndPlayed { planned: vec![note(0.3, 0.5)], played: vec![note(0.42, 0.58)], end_secs: 1.5 };
         let after = |played: &RunCorrections, index, tracking: &Tracking| {
             let notes = Notes { strokes: &strokes, latency_compensation_secs: 0.1, on_time_secs: Some(0.12) };
             played.after(index, tracking, &notes, Side::Left)

@@ -63,7 +63,7 @@ pub struct AdaptConfig {
     pub seed: u64,
 }
 
-/// The content of that file.
+/// The content of `adaptation.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct ConfigFile {
     version: u32,

@@ -3,7 +3,7 @@
 use etude_music::metrics::{NoteScores, note_scores};
 use etude_music::{MAX_LATENCY_COMPENSATION_SECS, Note};
 use etude_perform::stats::mean;
-use etude_perform::{Ending, Mode, Performance, PlayedNotes, Scores, TimingReport, Tracking};
+use etude_perform::{Ending, Mode, Performance, PlannedAndPlayed, Scores, TimingReport, Tracking};
 use serde::{Deserialize, Serialize};
 
 use crate::errors::{Interrupted, safety_stop};
@@ -174,7 +174,7 @@ pub struct RobotRun {
     pub tracking: Tracking,
     /// Its notes.
     #[serde(skip)]
-    pub strokes: PlayedNotes,
+    pub strokes: PlannedAndPlayed,
     /// The files that were written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub files: Option<Files>,

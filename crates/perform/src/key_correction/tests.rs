@@ -17,8 +17,8 @@ fn deeper(corrections: &KeyCorrections) -> Vec<f64> {
     corrections.0.iter().map(|correction| correction.deeper).collect()
 }
 
-fn strokes(planned: &[Note], played: &[Note]) -> PlayedNotes {
-    PlayedNotes { planned: planned.to_vec(), played: played.to_vec(), end_secs: 10.0 }
+fn strokes(planned: &[Note], played: &[Note]) -> PlannedAndPlayed {
+    PlannedAndPlayed { planned: planned.to_vec(), played: played.to_vec(), end_secs: 10.0 }
 }
 
 fn note(pitch: u8, start_secs: f64, end_secs: f64) -> Note {
@@ -136,8 +136,8 @@ fn what_is_no_fault_of_the_aim_changes_nothing() {
     let planned = [note(pitch, 0.5, 1.0), note(pitch + 4, 1.0, 1.5)];
     assert_eq!(KeyCorrections::default().after(&strokes(&planned, &[]), 0.1), KeyCorrections::default());
     let played = [note(pitch, 0.6, 1.1), note(pitch + 4, 1.1, 1.5)];
-    let corrections =
-        KeyCorrections::default().after(&PlayedNotes { end_secs: 1.5, ..strokes(&planned, &played) }, 0.1);
+    let corrections = KeyCorrections::default()
+        .after(&PlannedAndPlayed { end_secs: 1.5, ..strokes(&planned, &played) }, 0.1);
     assert!(
         corrections.0.iter().all(|correction| correction.deeper.abs() < 1e-9 && correction.aside == 0.0),
         "{corrections:?}"

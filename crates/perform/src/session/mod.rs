@@ -5,7 +5,7 @@ mod calibrate;
 mod claim;
 mod error;
 mod guard;
-mod motor_warmth;
+mod motor_heat_file;
 mod rig_choice;
 mod robot_session;
 mod worker;

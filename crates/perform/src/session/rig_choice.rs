@@ -7,7 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use super::claim::Claim;
 use super::error::SessionError;
 use super::guard::Guard;
-use super::motor_warmth::WarmFile;
+use super::motor_heat_file::HeatFile;
 use super::robot_session::{Live, Session, SessionPace};
 use super::worker::Worker;
 use etude_robot::allegro::HandSide;
@@ -130,8 +130,8 @@ impl RigChoice {
                 let worker = Worker::start()?;
                 // Last of all: it acts if it is not told that all is well.
                 let guard = start_guard(path, &rig.wires)?;
-                let warm = WarmFile::new(&rig.wires);
-                let live = Live::new(wires, guard, claim.clone(), warm, worker, &mut robot);
+                let heat = HeatFile::new(&rig.wires);
+                let live = Live::new(wires, guard, claim.clone(), heat, worker, &mut robot);
                 Ok(Session { robot, pace: SessionPace::Live(Box::new(live)) })
             }
         }

@@ -14,7 +14,7 @@ use etude_twin::Lockstep;
 
 use super::claim::Claim;
 use super::guard::{Guard, HEARTBEAT_INTERVAL};
-use super::motor_warmth::WarmFile;
+use super::motor_heat_file::HeatFile;
 use super::worker::Worker;
 use crate::error::PerformError;
 use crate::prepare::{STOPPED as STOPPED_BY_ANOTHER, prepare};
@@ -46,26 +46,26 @@ pub struct Live {
     pace: RealTime<OpenWires>,
     guard: Guard,
     claim: Arc<Claim>,
-    warm: WarmFile,
+    heat: HeatFile,
     worker: Arc<Worker>,
     /// `None` where the system does not permit it: on a busy machine the robot may then stop.
     _priority: Option<Priority>,
 }
 
 impl Live {
-    /// The `robot` learns how warm its motors are.
+    /// The `robot` learns how heat its motors are.
     pub(super) fn new(
         wires: OpenWires,
         guard: Guard,
         claim: Arc<Claim>,
-        warm: WarmFile,
+        heat: HeatFile,
         worker: Worker,
         robot: &mut Robot,
     ) -> Self {
         let _priority = Priority::of_this_thread(Rank::Controller).ok();
         let pace = RealTime::new(wires);
-        robot.set_motor_heat(warm.read(pace.now()));
-        Self { pace, guard, claim, warm, worker: Arc::new(worker), _priority }
+        robot.set_motor_heat(heat.read(pace.now()));
+        Self { pace, guard, claim, heat, worker: Arc::new(worker), _priority }
     }
 
     /// Stops the robot if its guard has ended or a stop was requested.
@@ -153,7 +153,7 @@ impl Drop for Session {
         if released {
             live.guard.farewell();
         }
-        live.warm.write(live.pace.now(), &self.robot.motor_heat());
+        live.heat.write(live.pace.now(), &self.robot.motor_heat());
     }
 }
 

@@ -23,7 +23,7 @@ impl Robot {
         let stalled = self.stalls.poll(now).filter(|_| self.is_live());
         self.keyboard.receive(now, wires, &mut self.bytes, &mut self.status.journal);
         let received = self.receive(now, wires);
-        // Who stood still finds fault with what arrived meanwhile.
+        // After a pause, what arrived meanwhile looks like a fault of a device.
         if let Some(fault) = stalled.or(received.err()) {
             self.fail_if_used(now, fault, wires);
         }

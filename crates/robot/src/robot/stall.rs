@@ -1,7 +1,7 @@
 //! Whether this program stood still, and the faults that may come of it.
 //!
-//! Who stands still sees everything else come late. So the gap between two polls is judged before
-//! what arrived meanwhile: above [`MAX_GAP`] it is the fault. A fault that comes soon after a
+//! If it pauses, everything that it reads afterwards is late. So the gap between two polls is judged
+//! before what arrived meanwhile: above [`MAX_GAP`] it is the fault. A fault that comes soon after a
 //! shorter one, and that it can cause, names it.
 
 use std::time::Duration;

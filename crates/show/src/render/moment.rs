@@ -103,7 +103,7 @@ pub(super) mod tests {
     use etude_perform::{Activity, DueNote, Header, KeyMessage, Recording, StepMessage};
 
     use super::*;
-    use crate::replay::PlayedNote;
+    use crate::replay::TakeNote;
 
     /// Rest in simulation, with the keys that are due, pressed and struck.
     fn take(steps: Vec<StepMessage>, due: Vec<Vec<u8>>, keys: Vec<KeyMessage>) -> Take {
@@ -158,7 +158,7 @@ pub(super) mod tests {
         assert_eq!(colour(&wrong, 0.6, 62), Some(NoteJudgement::Wrong.colour()));
         // Down since long before, it plays nothing.
         let mut held = take(Vec::new(), vec![vec![60]], Vec::new());
-        held.notes = vec![PlayedNote { start: 0.0, ..held.due_notes[0] }];
+        held.notes = vec![TakeNote { start: 0.0, ..held.due_notes[0] }];
         assert_eq!(colour(&held, 0.4, 60), Some(NoteJudgement::Wrong.colour()));
         assert_eq!(colour(&held, 0.6, 60), Some(NoteJudgement::Missed.colour()));
     }

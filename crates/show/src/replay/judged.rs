@@ -1,7 +1,7 @@
 //! The strokes of a take and its missed notes, judged as on the replay page
 //! (`viewer/src/classify.js`).
 
-use super::take::{PlayedNote, Take};
+use super::take::{Take, TakeNote};
 
 /// How opaque the inside of a stroke out of time is.
 pub(crate) const FILL_OF_OUT_OF_TIME: f64 = 0.35;
@@ -39,7 +39,7 @@ impl NoteJudgement {
 /// A stroke, as long as its key is held, or a missed note, as long as it is due.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct JudgedNote {
-    pub note: PlayedNote,
+    pub note: TakeNote,
     pub judgement: NoteJudgement,
 }
 

@@ -25,7 +25,7 @@ pub use marks::{Mark, MarkKind};
 pub use matching::NoteMatch;
 pub use page::replay_page;
 pub(crate) use roll::roll_svg;
-pub use take::{PlayedNote, Take};
+pub use take::{Take, TakeNote};
 
 /// The recordings that a path means: itself, or those below it if it is a folder, sorted. Of
 /// numbered results, the latest is taken.

@@ -72,10 +72,9 @@ pub struct Take {
     #[serde(skip)]
     pub(super) late_secs: f64,
     /// The notes that were played.
-    pub notes: Vec<PlayedNote>,
-    /// The notes that were due; empty without a song, and in a recording of an Étude that did not
-    /// write them yet.
-    pub due_notes: Vec<PlayedNote>,
+    pub notes: Vec<TakeNote>,
+    /// The notes that were due; empty without a song.
+    pub due_notes: Vec<TakeNote>,
     /// By which of `notes` each of `due_notes` was played.
     pub matches: Vec<Option<NoteMatch>>,
     /// Scores by note; none without `due_notes`.
@@ -99,7 +98,7 @@ pub struct Take {
 
 /// A note, as it was played or as it was due.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct PlayedNote {
+pub struct TakeNote {
     /// MIDI number.
     pub pitch: u8,
     /// When its key goes down.
@@ -129,7 +128,7 @@ impl Take {
             return self.due_notes.len() == other.due_notes.len() && self.due == other.due;
         };
         let later = theirs.start - first.start;
-        let is_same = |(ours, theirs): (&PlayedNote, &PlayedNote)| {
+        let is_same = |(ours, theirs): (&TakeNote, &TakeNote)| {
             ours.pitch == theirs.pitch && (theirs.start - ours.start - later).abs() <= SAME_RHYTHM_SECS
         };
         self.due_notes.len() == other.due_notes.len()
@@ -203,8 +202,8 @@ impl Take {
             arm,
             matches: match_notes(&due_notes, &notes),
             note_scores: (!due_notes.is_empty()).then(|| note_scores(&due_notes, &notes)),
-            due_notes: due_notes.iter().map(PlayedNote::of).collect(),
-            notes: notes.iter().map(PlayedNote::of).collect(),
+            due_notes: due_notes.iter().map(TakeNote::of).collect(),
+            notes: notes.iter().map(TakeNote::of).collect(),
             running,
             last: (!due.is_empty()).then(|| frame_scores(&due, &scored_keys)),
             due: due.iter().map(|keys| keys.pitches().collect()).collect(),
@@ -231,7 +230,7 @@ impl Take {
     /// # Errors
     /// If it cannot be rendered.
     pub fn sound(&self) -> Result<Vec<f32>, SoundError> {
-        let note = |note: &PlayedNote| Note {
+        let note = |note: &TakeNote| Note {
             pitch: note.pitch,
             velocity: note.velocity,
             start_secs: note.start,
@@ -271,7 +270,7 @@ fn task_of(header: &Header) -> anyhow::Result<TaskConfig> {
     Ok(TaskConfig { stage, ..TaskConfig::default() })
 }
 
-impl PlayedNote {
+impl TakeNote {
     fn of(note: &Note) -> Self {
         let [start, end] = [note.start_secs, note.end_secs].map(|secs| rounded(secs.max(0.0)));
         Self { pitch: note.pitch, start, end, velocity: note.velocity }
@@ -314,7 +313,7 @@ fn incomplete(recording: &Recording, steps: usize, due: usize) -> Option<String>
 /// its path.
 fn player_label(player: &str, song: &str) -> String {
     let path = Path::new(player);
-    // The training of a rehearsal's round is named by the round.
+    // A policy trained in a rehearsal is named by its iteration.
     let folder = path.ancestors().skip(1).find(|folder| !folder.ends_with("training"));
     let names = [folder.and_then(Path::file_name), path.file_stem()];
     match names.map(|name| name.and_then(OsStr::to_str)) {

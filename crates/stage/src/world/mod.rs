@@ -16,7 +16,7 @@ use etude_music::{CONTROL_HZ, KEY_COUNT, KeyEvent, KeySet};
 use mujoco_rs::prelude::{MjData, MjModel};
 
 use crate::config::{ModelOptions, PHYSICS_STEPS, StageConfig};
-use crate::controller::{Controller, Gains};
+use crate::controller::{Controller, ControllerConstants};
 use crate::error::StageError;
 use crate::geometry::{HALF_WIDTH, WHITE};
 use crate::hand::{DRIVEN_JOINTS, FINGERS, JOINTS_PER_FINGER, RAIL, TIP_RADIUS, joint_range, root_lateral};
@@ -40,15 +40,15 @@ const HOVER: f64 = 0.018;
 
 /// A world that can be stepped.
 pub struct World {
-    /// Also used by `picture` and `window`, which draw it.
+    /// Also used by `picture`, which draws it.
     pub(crate) data: MjData<Box<MjModel>>,
     layout: Layout,
     config: StageConfig,
     options: ModelOptions,
     params: PhysicalParams,
-    gains: [Gains; DRIVEN_JOINTS],
+    gains: [ControllerConstants; DRIVEN_JOINTS],
     /// Those of the rail while a key is down.
-    key_down_gains: Gains,
+    key_down_gains: ControllerConstants,
     /// Angle of each key from which on it sounds, rad.
     threshold: [f64; KEY_COUNT],
     /// Angle of each key below which it is silent again, rad; at most its threshold.
@@ -98,9 +98,9 @@ impl World {
             options: options.clone(),
             params: params.clone(),
             gains: std::array::from_fn(|joint| {
-                Gains::new(params, joint, config.actuation, options.step_secs)
+                ControllerConstants::new(params, joint, config.actuation, options.step_secs)
             }),
-            key_down_gains: Gains::new(params, RAIL, config.actuation, options.step_secs),
+            key_down_gains: ControllerConstants::new(params, RAIL, config.actuation, options.step_secs),
             threshold: [0.0; KEY_COUNT],
             release: [0.0; KEY_COUNT],
             controllers: std::array::from_fn(|_| Controller::at_rest(0.0)),
@@ -127,7 +127,7 @@ impl World {
             self.release[key] = self.threshold[key] * (1.0 - value(WorldRow::KeyHysteresis));
         }
         for joint in 0..DRIVEN_JOINTS {
-            self.gains[joint] = Gains::new(params, joint, self.config.actuation, step);
+            self.gains[joint] = ControllerConstants::new(params, joint, self.config.actuation, step);
         }
         self.key_down_gains = self.gains[RAIL].slower(value(WorldRow::KeyDownSpeed));
         // SAFETY: only values change; no size, address or id table is touched.

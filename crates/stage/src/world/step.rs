@@ -8,10 +8,10 @@ use mujoco_rs::mujoco_c::mjtDisableBit;
 
 use super::World;
 use crate::config::PHYSICS_STEPS;
-use crate::controller::{Controller, Gains};
+use crate::controller::{Controller, ControllerConstants};
 use crate::hand::{DRIVEN_JOINTS, RAIL, joint_range};
 use crate::mjcf::PALM_PLACE;
-use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, Strike, force, midi};
+use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, Strike, loudness, midi};
 
 /// What happened during one control step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -28,7 +28,7 @@ pub struct StepOutcome {
 }
 
 /// A control law: torque from controller state, gains, target, measured position and velocity.
-type Law = fn(&mut Controller, &Gains, f64, f64, f64) -> f64;
+type Law = fn(&mut Controller, &ControllerConstants, f64, f64, f64) -> f64;
 
 impl World {
     /// One control step toward `targets` (encoder readings: rad, the rail in m), which are clamped
@@ -171,9 +171,9 @@ impl World {
         for key in now.difference(self.pressed).iter() {
             let speed = velocities[self.layout.key_dof[key]].max(0.0);
             let between_secs = CONTACTS_APART * self.lower_stop(key) / speed;
-            let force = force(between_secs, LOUDEST_SECS, SOFTEST_SECS);
-            let velocity = midi(force);
-            self.strikes.push(Strike { key, force });
+            let loudness = loudness(between_secs, LOUDEST_SECS, SOFTEST_SECS);
+            let velocity = midi(loudness);
+            self.strikes.push(Strike { key, loudness });
             self.events.push(KeyEvent { secs, key, velocity });
         }
         for key in self.pressed.difference(now).iter() {

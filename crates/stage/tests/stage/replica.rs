@@ -7,7 +7,7 @@
 #![allow(dead_code)] // Not every test needs all of it.
 
 use etude_music::{KEY_COUNT, KeySet};
-use etude_stage::controller::{Controller, Gains};
+use etude_stage::controller::{Controller, ControllerConstants};
 use etude_stage::geometry::KeyShape;
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World, joint_range, mjcf};
@@ -24,7 +24,7 @@ pub struct Replica {
     pub dofs: [usize; DRIVEN_JOINTS],
     keys: [usize; KEY_COUNT],
     threshold: f64,
-    gains: [Gains; DRIVEN_JOINTS],
+    gains: [ControllerConstants; DRIVEN_JOINTS],
     controllers: [Controller; DRIVEN_JOINTS],
 }
 
@@ -38,7 +38,9 @@ impl Replica {
         let threshold = world.params().world(WorldRow::KeyThreshold);
         let mut data = MjData::try_new(Box::new(model)).unwrap();
         let actuation = world.config().actuation;
-        let gains = std::array::from_fn(|joint| Gains::new(world.params(), joint, actuation, STEP_SECS));
+        let gains = std::array::from_fn(|joint| {
+            ControllerConstants::new(world.params(), joint, actuation, STEP_SECS)
+        });
         let readings = world.start_pose();
         for (joint, dof) in dofs.into_iter().enumerate() {
             let bias = world.params().joint(JointRow::EncoderBias, joint);

@@ -17,8 +17,8 @@ use etude_stage::{PHYSICS_STEPS, PhysicalParams, StageConfig};
 
 pub use goal::{AHEAD_STEPS, Goal, Goals};
 use hand_reach::HandReach;
-pub use planner::PlayedNote;
-use planner::{FingeringPlanner, HandState};
+pub use planner::PlannedNote;
+use planner::{FingeringPlanner, OnsetState};
 pub use poses::{FingerAngles, Poses};
 use rail_model::RailModel;
 pub use strokes::Strokes;
@@ -27,7 +27,7 @@ pub use unplayed_notes::{Reason, UnplayedNote, UnplayedNotes};
 /// The fingering of a song.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fingering {
-    notes: Vec<PlayedNote>,
+    notes: Vec<PlannedNote>,
     rail: Vec<f64>,
     goals: Vec<Goals>,
     unplayed: UnplayedNotes,
@@ -86,7 +86,7 @@ impl Fingering {
     }
 
     /// The notes as the fingers play them, in order of their beginning.
-    pub fn notes(&self) -> &[PlayedNote] {
+    pub fn notes(&self) -> &[PlannedNote] {
         &self.notes
     }
 
@@ -115,8 +115,8 @@ impl Fingering {
 /// that are held allow, some steps before the release.
 fn rail_targets(
     planner: &FingeringPlanner<'_>,
-    states: &[HandState],
-    notes: &[PlayedNote],
+    states: &[OnsetState],
+    notes: &[PlannedNote],
     steps: usize,
 ) -> Vec<f64> {
     let Some(first) = states.first() else { return vec![0.0; steps] };
@@ -136,7 +136,7 @@ fn rail_targets(
 }
 
 /// A finger's goal is the key that it plays or, from [`AHEAD_STEPS`] before, the next one.
-fn goals(reach: &HandReach, notes: &[PlayedNote], steps: usize) -> Vec<Goals> {
+fn goals(reach: &HandReach, notes: &[PlannedNote], steps: usize) -> Vec<Goals> {
     let mut goals = vec![Goals::default(); steps];
     for note in notes {
         let first = note.start.saturating_sub(AHEAD_STEPS);

@@ -47,12 +47,12 @@ const BLOCKED_COST: f64 = 0.95;
 const TRAVEL_COST: f64 = 3.0;
 
 /// The stroke that each finger plays.
-type Hand = [Option<usize>; FINGERS];
+type FingerStrokes = [Option<usize>; FINGERS];
 
 /// A state: what the hand plays at one onset, and where it is.
 #[derive(Clone, Debug)]
-pub(super) struct HandState {
-    pub hand: Hand,
+pub(super) struct OnsetState {
+    pub hand: FingerStrokes,
     /// The rail, m.
     pub rail: f64,
     /// Rail positions from which the fingers reach their keys, m.
@@ -61,7 +61,7 @@ pub(super) struct HandState {
 }
 
 /// A state with the cost of everything up to it, and the index of the state before it.
-type Reached = (HandState, f64, usize);
+type Reached = (OnsetState, f64, usize);
 
 /// What it takes to get from one state to the next.
 struct Transition {
@@ -103,7 +103,7 @@ impl<'a> FingeringPlanner<'a> {
     }
 
     /// The best state for each onset. `on_progress` receives the share of them that is done.
-    pub(super) fn plan(&self, on_progress: &mut dyn FnMut(f64)) -> Vec<HandState> {
+    pub(super) fn plan(&self, on_progress: &mut dyn FnMut(f64)) -> Vec<OnsetState> {
         // One layer for each onset.
         let mut layers: Vec<Vec<Reached>> = Vec::with_capacity(self.onsets.len());
         for (index, onset) in self.onsets.iter().enumerate() {
@@ -129,14 +129,14 @@ impl<'a> FingeringPlanner<'a> {
         plan
     }
 
-    fn opening(&self, onset: &Onset, state: HandState) -> Reached {
+    fn opening(&self, onset: &Onset, state: OnsetState) -> Reached {
         let distance = (state.rail - self.rail.start).abs();
         let late = self.rail.steps_to(distance, distance).saturating_sub(onset.start);
         let cost = state.cost + late as f64 + TRAVEL_COST * distance;
         (state, cost, 0)
     }
 
-    fn best(&self, layer: &[Reached], index: usize, to: HandState) -> Option<Reached> {
+    fn best(&self, layer: &[Reached], index: usize, to: OnsetState) -> Option<Reached> {
         let costs = layer.iter().enumerate().filter_map(|(before, (from, cost, _))| {
             self.transition(index - 1, from, &to).map(|transition| (before, cost + transition.cost))
         });
@@ -146,7 +146,7 @@ impl<'a> FingeringPlanner<'a> {
     }
 
     /// All states in which fingers play some of the strokes that sound at `onset`.
-    fn states(&self, onset: &Onset) -> Vec<HandState> {
+    fn states(&self, onset: &Onset) -> Vec<OnsetState> {
         let sounding = &onset.sounding;
         let hands = self.hands(&sounding[..sounding.len().min(MAX_KEYS)]);
         let mut states = Vec::with_capacity(hands.len() * RAIL_CHOICES);
@@ -172,20 +172,26 @@ impl<'a> FingeringPlanner<'a> {
                 };
                 let turned: f64 = hand.iter().enumerate().filter_map(|(f, s)| s.map(|s| turn(f, s))).sum();
                 let cost = skipped + TURN_COST * turned;
-                states.push(HandState { hand, rail, rail_interval: interval, cost });
+                states.push(OnsetState { hand, rail, rail_interval: interval, cost });
             }
         }
         states
     }
 
     /// All choices of strokes for the fingers.
-    fn hands(&self, strokes: &[usize]) -> Vec<Hand> {
+    fn hands(&self, strokes: &[usize]) -> Vec<FingerStrokes> {
         let mut hands = Vec::new();
         self.add_hands(strokes, 0, [None; FINGERS], &mut hands);
         hands
     }
 
-    fn add_hands(&self, strokes: &[usize], finger: usize, hand: Hand, found: &mut Vec<Hand>) {
+    fn add_hands(
+        &self,
+        strokes: &[usize],
+        finger: usize,
+        hand: FingerStrokes,
+        found: &mut Vec<FingerStrokes>,
+    ) {
         if finger == FINGERS {
             found.push(hand);
             return;
@@ -202,7 +208,7 @@ impl<'a> FingeringPlanner<'a> {
         }
     }
 
-    fn rail_interval(&self, hand: &Hand) -> [f64; 2] {
+    fn rail_interval(&self, hand: &FingerStrokes) -> [f64; 2] {
         let intervals = hand.iter().enumerate().filter_map(|(finger, stroke)| {
             stroke.map(|stroke| self.reach.rail_interval(finger, self.strokes[stroke].key))
         });
@@ -211,7 +217,7 @@ impl<'a> FingeringPlanner<'a> {
 
     /// What it takes to get from a state at onset `index` to one at the next; `None` if a held note
     /// would change fingers or a note would begin late.
-    fn transition(&self, index: usize, from: &HandState, to: &HandState) -> Option<Transition> {
+    fn transition(&self, index: usize, from: &OnsetState, to: &OnsetState) -> Option<Transition> {
         let step = self.onsets[index + 1].start;
         let kept = |finger: usize| to.hand[finger].is_some() && to.hand[finger] == from.hand[finger];
         let held = |stroke: usize| self.strokes[stroke].start < step;
@@ -275,7 +281,7 @@ impl<'a> FingeringPlanner<'a> {
     }
 
     /// Why a stroke of an onset is played by no finger, where others are as `played`.
-    fn why_skipped(&self, stroke: &Stroke, onset: &Onset, played: &[PlayedNote]) -> Reason {
+    fn why_skipped(&self, stroke: &Stroke, onset: &Onset, played: &[PlannedNote]) -> Reason {
         let all = onset.sounding.len();
         if all > FINGERS {
             return Reason::TooManyKeys;
@@ -296,14 +302,14 @@ impl<'a> FingeringPlanner<'a> {
 
     /// Every note that the plan plays, in order of their start; each ends when its finger must move
     /// on.
-    pub(super) fn played(&self, plan: &[HandState]) -> Vec<PlayedNote> {
-        let mut notes: Vec<PlayedNote> = Vec::new();
+    pub(super) fn played(&self, plan: &[OnsetState]) -> Vec<PlannedNote> {
+        let mut notes: Vec<PlannedNote> = Vec::new();
         for (index, (onset, state)) in self.onsets.iter().zip(plan).enumerate() {
             for (finger, stroke) in state.hand.iter().enumerate() {
                 let Some(stroke) = *stroke else { continue };
                 let Stroke { key, start, end, velocity } = self.strokes[stroke];
                 if start == onset.start {
-                    notes.push(PlayedNote { finger, key, start, end, velocity, cut: None, stroke });
+                    notes.push(PlannedNote { finger, key, start, end, velocity, cut: None, stroke });
                 }
             }
             let Some(next) = plan.get(index + 1) else { break };
@@ -334,7 +340,7 @@ impl<'a> FingeringPlanner<'a> {
     }
 
     /// The notes that are not played as written.
-    pub(super) fn unplayed(&self, played: &[PlayedNote]) -> UnplayedNotes {
+    pub(super) fn unplayed(&self, played: &[PlannedNote]) -> UnplayedNotes {
         // Keys that are due without a note are made by tests only.
         let total_notes = self.written.max(self.strokes.len());
         let merged_notes = total_notes - self.strokes.len();
@@ -351,9 +357,9 @@ impl<'a> FingeringPlanner<'a> {
                 unplayed.notes.push(UnplayedNote { reason, key: stroke.key, step: stroke.start, lost_steps });
             }
         }
-        let is_quick_restrike = |note: &&PlayedNote| {
+        let is_quick_restrike = |note: &&PlannedNote| {
             let ends_before =
-                |other: &&PlayedNote| other.finger == note.finger && other.end + 1 == note.start;
+                |other: &&PlannedNote| other.finger == note.finger && other.end + 1 == note.start;
             played.iter().find(ends_before).is_some_and(|before| before.key == note.key)
         };
         unplayed.quick_restrikes = played.iter().filter(is_quick_restrike).count();
@@ -363,7 +369,7 @@ impl<'a> FingeringPlanner<'a> {
 
 /// A note as it will be played.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlayedNote {
+pub struct PlannedNote {
     /// The finger that plays it.
     pub finger: usize,
     /// The key (0 is the lowest C).

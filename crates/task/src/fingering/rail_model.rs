@@ -5,7 +5,7 @@
 //! fraction of a millimetre.
 
 use etude_music::CONTROL_HZ;
-use etude_stage::controller::{Actuation, Controller, Gains};
+use etude_stage::controller::{Actuation, Controller, ControllerConstants};
 use etude_stage::geometry::HALF_WIDTH;
 use etude_stage::hand::{LINK_MASSES, PALM_MASS, THUMB_MASS};
 use etude_stage::params::{JointRow, WorldRow};
@@ -25,7 +25,7 @@ pub(crate) const CONTROL_SECS: f64 = 1.0 / CONTROL_HZ;
 
 /// A model of the rail alone.
 pub(crate) struct RailModel {
-    gains: Gains,
+    gains: ControllerConstants,
     mass_kg: f64,
     damping: f64,
     step_secs: f64,
@@ -48,7 +48,7 @@ impl RailModel {
             Actuation::Position => joint(JointRow::Damping),
         };
         let mut rail = Self {
-            gains: Gains::new(params, RAIL, stage.actuation, stage.physics_step_secs()),
+            gains: ControllerConstants::new(params, RAIL, stage.actuation, stage.physics_step_secs()),
             mass_kg: joint(JointRow::Armature) + PALM_MASS + THUMB_MASS + fingers,
             damping: joint(JointRow::Viscosity) + passive,
             step_secs: stage.physics_step_secs(),

@@ -43,7 +43,7 @@ pub(super) fn holding(context: &StepContext) -> f64 {
     sum / f64::from(count.max(1))
 }
 
-/// Difference between force and velocity, as a share of 127, up to which a strike has the full
+/// Difference between the loudness that was played and the written velocity, as a share of 127, up to which a strike has the full
 /// reward, and further that at which it has a tenth: as a bonus for strikes, and where soft and
 /// loud are to be learned.
 const VELOCITY_BOUND: f64 = 0.05;
@@ -69,7 +69,7 @@ pub(super) fn dynamics(context: &StepContext) -> f64 {
 fn strikes(context: &StepContext, margin: f64, counts: impl Fn(&Goal) -> bool) -> f64 {
     let struck = context.goals.iter().flatten().filter(|goal| counts(goal)).filter_map(|goal| {
         let strike = context.world.strikes().iter().find(|strike| strike.key == goal.key)?;
-        Some((strike.force - f64::from(goal.velocity)).abs() / 127.0)
+        Some((strike.loudness - f64::from(goal.velocity)).abs() / 127.0)
     });
     struck.map(|error| tolerance(error, VELOCITY_BOUND, margin)).sum()
 }

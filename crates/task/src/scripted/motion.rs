@@ -11,7 +11,7 @@ use etude_stage::{DRIVEN_JOINTS, FINGERS, PHYSICS_STEPS, RAIL, joint_range};
 use super::lags::Lags;
 use crate::fingering::hand_reach::{HandReach, TURN_FIRST_M};
 use crate::fingering::rail_model::{CONTROL_SECS, RailModel};
-use crate::fingering::{Fingering, PlayedNote};
+use crate::fingering::{Fingering, PlannedNote};
 
 /// Control steps in which a finger crosses the edge between white and black keys.
 const CROSS_STEPS: usize = 2;
@@ -26,7 +26,7 @@ const CLIMB_STEPS: usize = 2;
 /// What one finger plays, in order.
 struct FingerTrack<'a> {
     finger: usize,
-    notes: Vec<&'a PlayedNote>,
+    notes: Vec<&'a PlannedNote>,
     reach: &'a HandReach,
     lags: &'a Lags,
 }

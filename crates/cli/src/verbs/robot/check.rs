@@ -9,14 +9,14 @@ use etude_perform::session::{Session, rig_choice};
 use etude_robot::{JOINTS_CHECKED, JointCheck, check_joints};
 use serde_json::json;
 
-use super::Rig;
+use super::RigArgs;
 use crate::output::{Ending, line, note, print_json};
 use crate::progress::stop_flag;
 
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    rig: Rig,
+    rig: RigArgs,
     /// Also turn each joint of the hand by 0.065 rad and back, one after the other, and check that
     /// it follows; the arm does not move
     #[arg(long)]

@@ -167,8 +167,8 @@ fn on_a_twin(faults: &[&str], act: impl Fn(&mut Session, &Watch<'_>)) {
             let wires = OpenWires::open(&rig.wires).unwrap();
             let guard = Guard::start(&echo(folder.path(), &rig.wires), &path, &rig.wires).unwrap();
             let claim = Arc::new(Claim::new(&rig.wires).unwrap());
-            let warm = WarmFile::new(&rig.wires);
-            let live = Live::new(wires, guard, claim, warm, Worker::start().unwrap(), &mut robot);
+            let heat = HeatFile::new(&rig.wires);
+            let live = Live::new(wires, guard, claim, heat, Worker::start().unwrap(), &mut robot);
             let mut session = Session { robot, pace: SessionPace::Live(Box::new(live)) };
             let acted = catch_unwind(AssertUnwindSafe(|| act(&mut session, &Watch { seen: &seen })));
             let busy = session.robot.phase() == Phase::Stopped
@@ -180,10 +180,10 @@ fn on_a_twin(faults: &[&str], act: impl Fn(&mut Session, &Watch<'_>)) {
             }
         });
         // The next program knows of the motors' heat.
-        let warm = WarmFile::new(&rig.wires).read(Duration::ZERO).joints(Duration::ZERO);
-        std::fs::remove_file(file(&can::device(&rig.wires.can), "warm")).unwrap();
+        let heat = HeatFile::new(&rig.wires).read(Duration::ZERO).joints(Duration::ZERO);
+        std::fs::remove_file(file(&can::device(&rig.wires.can), "heat")).unwrap();
         if !was_busy {
-            assert!(warm.iter().any(|warm| *warm > 0.0), "{warm:?}");
+            assert!(heat.iter().any(|heat| *heat > 0.0), "{heat:?}");
             return;
         }
     }

@@ -1,4 +1,4 @@
-//! How warm the motors of a hand were when a program ended, for the next program. The file lies
+//! How hot the motors of a hand were when a program ended, for the next program. The file lies
 //! beside the claim on the hand.
 
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use crate::files::write_file;
 
 /// The file of one hand.
 #[derive(Debug)]
-pub(super) struct WarmFile(PathBuf);
+pub(super) struct HeatFile(PathBuf);
 
 #[derive(Serialize, Deserialize)]
 struct Kept {
@@ -22,13 +22,13 @@ struct Kept {
     joints: [f64; WIRE_JOINTS],
 }
 
-impl WarmFile {
+impl HeatFile {
     /// That of the hand at `wires`.
     pub fn new(wires: &WiresConfig) -> Self {
-        Self(file(&can::device(&wires.can), "warm"))
+        Self(file(&can::device(&wires.can), "heat"))
     }
 
-    /// How warm the motors are now, which is `now` on the robot's clock; cold if the file is
+    /// How hot the motors are now, which is `now` on the robot's clock; cold if the file is
     /// missing, damaged or from the future.
     pub fn read(&self, now: Duration) -> MotorHeat {
         self.read_at(now, SystemTime::now()).unwrap_or_default()
@@ -42,7 +42,7 @@ impl WarmFile {
         MotorHeat::new(now, then.joints(age))
     }
 
-    /// Keeps how warm the motors are at `now`. Without the file, the next program takes them for
+    /// Keeps how hot the motors are at `now`. Without the file, the next program takes them for
     /// cold.
     pub fn write(&self, now: Duration, motor_heat: &MotorHeat) {
         self.write_at(motor_heat.joints(now), SystemTime::now());
@@ -62,7 +62,7 @@ mod tests {
     #[test]
     fn motors_cool_down_from_one_program_to_the_next() {
         let folder = tempfile::tempdir().unwrap();
-        let file = WarmFile(folder.path().join("hand.warm"));
+        let file = HeatFile(folder.path().join("hand.heat"));
         let (then, now) = (UNIX_EPOCH + Duration::from_secs(1_800_000_000), Duration::from_secs(7));
         let after = |secs: f64| file.read_at(now, then + Duration::from_secs_f64(secs));
         assert_eq!(after(0.0), None, "no file");
