@@ -98,10 +98,11 @@ settings! {
         /// How long the last command stands without a new one before the robot is stopped, s. The
         /// default is three control steps.
         pub stale_command_secs: f64 = 0.15, positive_to(2.0);
-        /// How far a joint of the hand may be from its reference while it holds or moves, rad; never
-        /// more than a quarter of its range. The default is three times where the joint loop already pushes as hard as it may (675 of
-        /// 3600 PWM a rad). Policies press by asking for far below a key: 1.2 rad for as long as a
-        /// note is held, and no note of the songs is held for five seconds.
+        /// How far a joint of the hand may be from its reference while it holds or moves, rad; at
+        /// most a quarter of its range. The default is three times where the joint loop already
+        /// pushes as hard as it may (675 of 3600 PWM a rad). Policies press by asking for far below
+        /// a key: 1.2 rad for as long as a note is held, and no note of the songs is held for five
+        /// seconds.
         pub following_rad: f64 = 0.6, positive_to(1.5);
         /// How long it may be farther, s.
         pub following_secs: f64 = 5.0, positive_to(10.0);

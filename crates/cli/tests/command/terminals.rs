@@ -35,7 +35,7 @@ if child == 0:
     # A terminal of another session sends no SIGHUP when it goes.
     if way != "gone":
         fcntl.ioctl(side, termios.TIOCSCTTY, 0)
-    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGPIPE):
+    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGPIPE):
         signal.signal(number, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     ends = {"stdin": unwritten if way == "stdin" else side, "stdout": side, "stderr": side}
@@ -144,7 +144,7 @@ const VERBS: &[Verb] = &[
     Verb { args: "twin -o OUT", sign: "OUT/twin.toml", last: "", ..VERB },
     // Nobody learns its address.
     Verb { args: "serve", last: "", is_idle: true, ends_by: &[(Stdout, 0)], ..VERB },
-    Verb { args: "watch", last: "", is_idle: true, is_screen: true, ..VERB },
+    Verb { args: "watch", last: "", is_idle: true, is_screen: true, ends_by: &[(Gone, 3)], ..VERB },
 ];
 
 /// Where pictures can be drawn.

@@ -72,7 +72,7 @@ impl ArmPath {
         between(&self.from, &self.to, self.along.position() / self.turn)
     }
 
-    /// Whether the path takes so much longer than planned that it is given up.
+    /// Whether the path takes so much longer than planned that the robot is stopped.
     pub fn is_late(&self, now: Duration) -> bool {
         let took = self.begun.map_or(Duration::ZERO, |begun| now.saturating_sub(begun));
         self.sent_all_at.is_none() && took > self.planned * MAX_SLOWDOWN + SLOWDOWN_ROOM

@@ -1,6 +1,6 @@
 //! Whether the arm is, or says that it was sent, where this program has not sent it: another client
 //! of its controller sends it targets. The controller takes them from everybody, the newest counts,
-//! and nobody is told of the others.
+//! and nobody hears of the others.
 //!
 //! An arm lags behind its targets, and so does its report: it is somewhere between the targets of
 //! the last half second. It may ring or be shortened to a part of a path, which widens that range.

@@ -1,8 +1,8 @@
 //! Whether this program stood still, and the faults that may come of it.
 //!
-//! If it pauses, everything that it reads afterwards is late. So the gap between two polls is judged
-//! before what arrived meanwhile: above [`MAX_GAP`] it is the fault. A fault that comes soon after a
-//! shorter one, and that it can cause, names it.
+//! If it pauses, everything that it reads afterwards is late. So the gap between two polls is
+//! judged before what arrived meanwhile: above [`MAX_GAP`] it is the fault. A fault that comes soon
+//! after a shorter one, and that it can cause, names it.
 
 use std::time::Duration;
 

@@ -74,8 +74,8 @@ pub struct Judge {
     target: Option<(Duration, [f64; 7])>,
     /// Time between two targets that the controller uses now, s.
     pub target_secs: f64,
-    /// Speed (m/s) and acceleration (m/s²) along the keyboard between the last targets.
-    /// It may be one of several: after a pause the arm goes on as it has braked, or from rest.
+    /// Speed (m/s) and acceleration (m/s²) along the keyboard between the last targets: one of these,
+    /// because after a pause the arm continues as it has braked, or from rest.
     arm_motions: Vec<[f64; 2]>,
     /// The longest step of the flange from target to target, and the greatest acceleration and jerk
     /// along the keyboard.
@@ -305,10 +305,9 @@ impl Judge {
             };
             let all: Vec<_> = self.arm_motions.iter().map(next).collect();
             let kept: Vec<_> = all.iter().filter(|(is_kept, ..)| *is_kept).collect();
-            let Some((_, acceleration, jerk)) = kept.first() else {
+            let Some(&&(_, acceleration, jerk)) = kept.first() else {
                 panic!("along the keyboard, {speed} m/s, then m/s² and m/s³: {all:?}")
             };
-            let (acceleration, jerk) = (*acceleration, *jerk);
             self.arm_motions = kept.iter().map(|(_, acceleration, _)| [speed, *acceleration]).collect();
             let old = Duration::from_secs_f64(OLD_ANGLES_SECS);
             let down = [self.sounds_since, self.low_since.map(|since| since + old)];

@@ -43,9 +43,9 @@ pub(super) fn holding(context: &StepContext) -> f64 {
     sum / f64::from(count.max(1))
 }
 
-/// Difference between the loudness that was played and the written velocity, as a share of 127, up to which a strike has the full
-/// reward, and further that at which it has a tenth: as a bonus for strikes, and where soft and
-/// loud are to be learned.
+/// Difference between the loudness that was played and the written velocity, as a share of 127, up
+/// to which a strike has the full reward, and further that at which it has a tenth: as a bonus for
+/// strikes, and where soft and loud are to be learned.
 const VELOCITY_BOUND: f64 = 0.05;
 const VELOCITY_MARGIN: f64 = 0.4;
 const DYNAMICS_MARGIN: f64 = 0.5;
