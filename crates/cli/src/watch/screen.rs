@@ -37,8 +37,10 @@ pub fn show(view: &mut View) -> anyhow::Result<Ending> {
     // One that is gone cannot be restored.
     let _ = ratatui::try_restore();
     match shown {
-        // The terminal is closed: nothing can be drawn and no message can be read.
-        _ if stop.load(Ordering::Relaxed) => Ok(Ending::Stopped),
+        // The terminal is gone: nothing can be drawn and no message can be read.
+        shown if stop.load(Ordering::Relaxed) || shown.is_err() && is_gone(&mut stdout()?) => {
+            Ok(Ending::Stopped)
+        }
         shown => {
             shown.context("cannot use this terminal; `etude watch --once` needs none")?;
             Ok(Ending::Done)
@@ -49,11 +51,10 @@ pub fn show(view: &mut View) -> anyhow::Result<Ending> {
 /// Requests a stop when the terminal is gone, and ends the process if a stop takes too long: the
 /// wait for a key never returns from a terminal that is gone, in crossterm 0.29.
 fn end_with_the_terminal(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
-    let mut terminal = File::from(std::io::stdout().as_fd().try_clone_to_owned()?);
+    let mut terminal = stdout()?;
     let stop = stop.clone();
     std::thread::spawn(move || {
-        // To write nothing fails only there.
-        while !stop.load(Ordering::Relaxed) && terminal.write(&[]).is_ok() {
+        while !stop.load(Ordering::Relaxed) && !is_gone(&mut terminal) {
             std::thread::sleep(REDRAW_INTERVAL);
         }
         stop.store(true, Ordering::Relaxed);
@@ -62,6 +63,15 @@ fn end_with_the_terminal(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
         std::process::exit(STOPPED.into());
     });
     Ok(())
+}
+
+fn stdout() -> std::io::Result<File> {
+    Ok(File::from(std::io::stdout().as_fd().try_clone_to_owned()?))
+}
+
+/// Whether this terminal is gone: to write nothing fails only then.
+fn is_gone(terminal: &mut File) -> bool {
+    terminal.write(&[]).is_err()
 }
 
 fn is_ctrl_c(key: &KeyEvent) -> bool {
