@@ -6,8 +6,6 @@ ETUDE := target/release/etude
 # Minutes after which the training stops at the latest.
 MINUTES ?= 10
 SONG ?= twinkle
-# Some tests wait: for a twin in real time, a browser, a cluster. Others run meanwhile.
-export RUST_TEST_THREADS ?= $(shell cores=$$(nproc); echo $$((cores > 4 ? cores : 4)))
 
 .DEFAULT_GOAL := help
 .PHONY: help setup build demo pictures wheel lint test test-heavy test-sb3 test-kernel fuzz bench book clean-runs
