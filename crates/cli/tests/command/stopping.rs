@@ -368,6 +368,7 @@ fn an_arm_without_a_box_does_not_move_and_a_box_is_proposed() {
     std::fs::write(&twin.rig, text.replace(line, "")).unwrap();
     let check = sandbox.json(&format!("robot check --robot {rig} --json"));
     let proposed = check["missing_box"].as_str().unwrap();
+    assert!(check["arm"]["replies_within_secs"].is_null(), "it was sent nowhere: {check}");
     for verb in ["robot home", "perform short.mid --scripted --home"] {
         let refused = sandbox.command(&format!("{verb} --robot {rig}")).output().unwrap();
         assert!(!refused.status.success() && errors(&refused).contains(proposed), "{}", errors(&refused));

@@ -40,8 +40,8 @@ pub(super) struct Link {
 /// What a link carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkSpeed {
-    /// Time within which 95 % of the replies came.
-    pub reply: Duration,
+    /// Time within which 95 % of the replies came; `None` before a target was sent.
+    pub reply: Option<Duration>,
     /// Targets a second that are sent.
     pub hz: f64,
     /// Those that are configured.
@@ -116,7 +116,7 @@ impl Link {
         let mut replies: Vec<_> = self.remembered().to_vec();
         replies.sort_unstable();
         let at = (replies.len() as f64 * ON_TIME).ceil() as usize;
-        let reply = replies.get(at.saturating_sub(1)).copied().unwrap_or_default();
+        let reply = replies.get(at.saturating_sub(1)).copied();
         let hz = |period: Duration| 1.0 / period.as_secs_f64();
         LinkSpeed { reply, hz: hz(self.period()), configured_hz: hz(self.shortest) }
     }
@@ -142,7 +142,10 @@ fn longest_gap(period: Duration) -> Duration {
 
 impl std::fmt::Display for LinkSpeed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let ms = self.reply.as_secs_f64() * 1e3;
+        let Some(reply) = self.reply else {
+            return write!(f, "not measured: the arm was not sent to the keyboard, nor held there");
+        };
+        let ms = reply.as_secs_f64() * 1e3;
         write!(f, "95 % of the arm's replies within {ms:.1} ms: {:.0} targets a second", self.hz)?;
         if self.hz < self.configured_hz {
             write!(

@@ -60,7 +60,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
             "serial": arm.serial(),
             "firmware": version,
             "joints_rad": arm.joints(),
-            "replies_within_secs": link.reply.as_secs_f64(),
+            "replies_within_secs": link.reply.map(|reply| reply.as_secs_f64()),
             "targets_per_second": link.hz,
         },
         "rail": { "m": place.rail_m, "beside_m": place.beside_m, "turned_rad": place.turned_rad },
