@@ -48,6 +48,9 @@ impl Robot {
             }
         }
         self.frames = frames;
+        if self.phase() == Phase::Holding && !self.rail_arm.arm.has_measured_link() {
+            self.rail_arm.arm.measure_link(now, &mut self.bytes);
+        }
         self.rail_arm.arm.poll(now, &mut self.bytes);
         self.note_slow_link(now);
         if let Err(fault) = self.send(wires) {

@@ -78,10 +78,15 @@ impl Link {
         self.count += 1;
     }
 
+    /// Whether enough replies were measured to choose the period.
+    pub fn is_measured(&self) -> bool {
+        self.count >= MEASURED
+    }
+
     /// The arm stands still: the period becomes the shortest that the link carries, once enough
     /// replies were measured.
     pub fn choose(&mut self) {
-        if self.count >= MEASURED && !self.is_chosen {
+        if self.is_measured() && !self.is_chosen {
             self.is_chosen = true;
             let most = self.most();
             self.periods = (1..most).find(|periods| self.carries(self.shortest * *periods)).unwrap_or(most);
@@ -143,7 +148,7 @@ fn longest_gap(period: Duration) -> Duration {
 impl std::fmt::Display for LinkSpeed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Some(reply) = self.reply else {
-            return write!(f, "not measured: the arm was not sent to the keyboard, nor held there");
+            return write!(f, "not measured");
         };
         let ms = reply.as_secs_f64() * 1e3;
         write!(f, "95 % of the arm's replies within {ms:.1} ms: {:.0} targets a second", self.hz)?;

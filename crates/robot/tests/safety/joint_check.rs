@@ -72,7 +72,7 @@ fn sunk(twin_params: &str) -> (Robot, Lockstep) {
 #[test]
 fn fingers_that_have_sunk_between_fences_turn_too() {
     let mut turned_back = 0;
-    for twin_params in ["standard", "worn", "random:1", "random:2", "random:3"] {
+    for twin_params in ["standard", "worn", "random:1", "random:2", "random:3", "random:17"] {
         let (mut robot, mut pace) = sunk(twin_params);
         let before = robot.hand().positions();
         let found = check_joints(&mut robot, &mut pace, &AtomicBool::new(false)).unwrap();

@@ -176,8 +176,11 @@ impl Arm {
             return;
         };
         self.outstanding = None;
-        if asked.purpose == Purpose::Target {
+        if matches!(asked.purpose, Purpose::Target | Purpose::Link) {
             self.link.take(now.saturating_sub(asked.at));
+        }
+        if asked.purpose == Purpose::Link {
+            self.link.choose();
         }
         let Some((state, params)) = frame.reply() else {
             return self.fail(ArmFault::ProtocolNonsense("a reply is too short"));

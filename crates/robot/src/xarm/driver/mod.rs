@@ -123,6 +123,21 @@ impl Arm {
         (since > self.link.longest_gap()).then_some(since)
     }
 
+    /// Whether the link has been measured.
+    pub fn has_measured_link(&self) -> bool {
+        self.link.is_measured()
+    }
+
+    /// Measures the link while the arm stands and is sent no target: appends a question for its
+    /// state, one at a time, at the times of targets. Call it before [`poll`](Self::poll).
+    pub fn measure_link(&mut self, now: Duration, out: &mut Vec<u8>) {
+        let stands = matches!(self.phase, Phase::Ready) && self.target.is_none();
+        if stands && self.outstanding.is_none() && self.is_due(now) {
+            self.next_tick = Some(now + self.link.period());
+            self.request(now, Purpose::Link, Register::GetState, &[], out);
+        }
+    }
+
     /// Whether the targets after a pause that ends now come at a longer period. The motion then
     /// begins at rest.
     pub fn slows_down(&self, now: Duration) -> bool {

@@ -99,6 +99,8 @@ pub(super) struct Outstanding {
 pub(super) enum Purpose {
     Step,
     Target,
+    /// Only the time until its reply matters.
+    Link,
     Stop,
     WhichError,
 }
