@@ -301,7 +301,7 @@ fn names_of_every_script_are_kept_apart() {
     assert!(sandbox.path("月光.onnx").is_file() && sandbox.path("runs/春__fast__0").is_dir());
 }
 
-/// Songs of one name in two folders: each has folders of its own, and the second is told.
+/// Songs of one name in two folders: each has folders of its own, and a note says so of the second.
 #[test]
 fn songs_of_one_name_in_two_folders_share_none() {
     let sandbox = Sandbox::new();

@@ -1,4 +1,4 @@
-//! However a long verb loses its terminal, its descriptors or the wish that it goes on: it ends
+//! However a long verb loses its terminal, its descriptors or the wish that it continues: it ends
 //! soon, with the documented code, and leaves nothing half done.
 
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -221,7 +221,7 @@ impl Running {
             }
             if Instant::now() > until {
                 processes::signal(self.program, "KILL");
-                panic!("it goes on: {}", self.said());
+                panic!("it continues: {}", self.said());
             }
             std::thread::sleep(Duration::from_millis(5));
         }
@@ -273,7 +273,7 @@ fn goes_through(sandbox: &Sandbox, verb: Verb, lost: Lost, signal: &str) {
     }
 }
 
-/// It goes on, and an idle one without a busy loop.
+/// It continues, and an idle one without a busy loop.
 fn stays(running: &mut Running, verb: Verb) {
     let before = processes::processor_secs(running.program);
     std::thread::sleep(if verb.is_idle { MEASURED } else { Duration::from_millis(20) });

@@ -53,7 +53,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// The `robot` learns how heat its motors are.
+    /// The `robot` learns how hot its motors are.
     pub(super) fn new(
         wires: OpenWires,
         guard: Guard,

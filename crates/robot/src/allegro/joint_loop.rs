@@ -17,7 +17,7 @@ use super::limits::WIRE_JOINTS;
 const MIN_SECS: f64 = 0.0005;
 
 settings! {
-    /// ControllerConstants, one a joint of a finger, the same for all fingers and the thumb.
+    /// Gains, one a joint of a finger, the same for all fingers and the thumb.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct JointLoopConfig("joint_loop") {

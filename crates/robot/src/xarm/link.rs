@@ -66,8 +66,8 @@ impl Link {
     }
 
     /// The longest time between two targets that is no pause.
-    pub fn longest_gap(&self) -> Duration {
-        longest_gap(self.period())
+    pub fn max_gap(&self) -> Duration {
+        max_gap(self.period())
     }
 
     /// Takes the time of a reply.
@@ -95,7 +95,7 @@ impl Link {
 
     fn carries(&self, period: Duration) -> bool {
         // A pause is judged by how often it comes, however long it is.
-        let most = longest_gap(period);
+        let most = max_gap(period);
         let waited: Duration = self.remembered().iter().map(|reply| (*reply).clamp(period, most)).sum();
         let stretch = waited.as_secs_f64() / (period.as_secs_f64() * self.remembered().len() as f64);
         self.late(period) <= 1.0 - ON_TIME && stretch <= MAX_STRETCH
@@ -132,7 +132,7 @@ impl Link {
     }
 
     fn late(&self, period: Duration) -> f64 {
-        let late = self.remembered().iter().filter(|reply| **reply > longest_gap(period)).count();
+        let late = self.remembered().iter().filter(|reply| **reply > max_gap(period)).count();
         late as f64 / self.remembered().len().max(1) as f64
     }
 
@@ -141,7 +141,7 @@ impl Link {
     }
 }
 
-fn longest_gap(period: Duration) -> Duration {
+fn max_gap(period: Duration) -> Duration {
     period * 7 / 4
 }
 
@@ -214,7 +214,7 @@ mod tests {
         let mut link = measured([1.0; MEASURED]);
         assert_eq!(link.late_share(), 0.0);
         (0..REMEMBERED).for_each(|n| link.take(Duration::from_millis(if n % 4 == 0 { 12 } else { 1 })));
-        assert!((link.late_share() - 0.25).abs() < 1e-9 && link.longest_gap() == Duration::from_micros(8750));
+        assert!((link.late_share() - 0.25).abs() < 1e-9 && link.max_gap() == Duration::from_micros(8750));
         link.periods = 2;
         assert_eq!(link.late_share(), 0.0);
     }

@@ -184,7 +184,7 @@ fn a_link_that_pauses_again_and_again_is_named() {
     late.until(&mut bench, Phase::Holding, 5000).unwrap();
     bench.robot.home(bench.now(), &start_pose()).unwrap();
     late.delays_ms = vec![0, 0, 100];
-    late.until(&mut bench, Phase::Fault, 60_000).expect("it goes on for ever");
+    late.until(&mut bench, Phase::Fault, 60_000).expect("it continues for ever");
     let Some(Fault::Arm(fault @ ArmFault::LateReplies { share, .. })) = bench.robot.fault() else {
         panic!("{:?}", bench.robot.fault())
     };

@@ -5,7 +5,7 @@
 //! | `playing` | an undisturbed robot starts, goes to the keyboard and follows |
 //! | `links` | late replies of the arm cost time, not the motion |
 //! | `matrix` | each fault in each phase ends as its table says (`target/fault-matrix.md`) |
-//! | `stalls` | whenever the controller stood still, it goes on or names that as the cause |
+//! | `stalls` | whenever the controller stood still, it continues or names that as the cause |
 //! | `other_client` | who else sends the arm targets is seen, an arm that only lags is not that |
 //! | `runaway` | a joint of the wrong sign pushes for less than a second, a pushed one is none |
 //! | `elsewhere` | whichever joint of the arm is not where it was sent, the robot stops |

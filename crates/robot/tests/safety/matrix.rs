@@ -62,7 +62,7 @@ pub fn bring(bench: &mut Bench, when: When) {
     }
 }
 
-/// The phases in which a robot may be that goes on.
+/// The phases in which a robot may be that continues.
 pub fn expected_phase(when: When) -> &'static [Phase] {
     match when {
         When::Starting => &[Phase::Starting, Phase::Holding],

@@ -12,7 +12,7 @@ const END: &str = "<!-- end of faults -->\n";
 /// When set, the page gets the table.
 const WRITE: &str = "ETUDE_WRITE_PAGE";
 
-/// First words of what an operator is told to do.
+/// First words of what an operator receives as instructions.
 const INSTRUCTIONS: [&str; 26] = [
     "bring",
     "calibrate",

@@ -1,4 +1,4 @@
-//! A controller that stands still for a while: it goes on, or what it says names that.
+//! A controller that stands still for a while: it continues, or what it says names that.
 
 use std::fmt::Write as _;
 

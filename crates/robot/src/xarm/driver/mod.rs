@@ -108,7 +108,7 @@ impl Arm {
 
     /// The fault of late replies, with how many there were.
     pub fn late_replies(&self) -> ArmFault {
-        ArmFault::LateReplies { share: self.link.late_share(), gap: self.link.longest_gap() }
+        ArmFault::LateReplies { share: self.link.late_share(), gap: self.link.max_gap() }
     }
 
     /// Whether so many replies come late that the arm lags for that.
@@ -120,7 +120,7 @@ impl Arm {
     /// the last one.
     pub fn pause(&self, now: Duration) -> Option<Duration> {
         let since = now.saturating_sub(self.sent_at()?);
-        (since > self.link.longest_gap()).then_some(since)
+        (since > self.link.max_gap()).then_some(since)
     }
 
     /// Whether the link has been measured.
