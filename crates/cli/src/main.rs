@@ -16,7 +16,7 @@ use std::sync::Arc;
 use clap::error::ErrorKind;
 use clap::{CommandFactory as _, Parser, Subcommand};
 
-use crate::output::{Ending, STOPPED, Unread, error_message, note};
+use crate::output::{STOPPED, Unread, VerbEnd, error_message, note};
 
 /// Teaches a robot hand to play the piano: from a MIDI file to a policy, and from a policy to
 /// music.
@@ -133,9 +133,9 @@ fn main() -> ExitCode {
         Verb::Man(args) => verbs::man::run(args, Cli::command()),
     };
     match ended {
-        Ok(Ending::Done) => ExitCode::SUCCESS,
-        Ok(Ending::Stopped) => ExitCode::from(STOPPED),
-        Ok(Ending::Busy) => ExitCode::from(etude_experiment::BUSY),
+        Ok(VerbEnd::Done) => ExitCode::SUCCESS,
+        Ok(VerbEnd::Stopped) => ExitCode::from(STOPPED),
+        Ok(VerbEnd::Busy) => ExitCode::from(etude_experiment::BUSY),
         Err(error) if etude_lab::Interrupted::is_cause_of(&error) => {
             note(error);
             ExitCode::from(STOPPED)

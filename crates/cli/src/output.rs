@@ -5,7 +5,7 @@ use std::io::Write as _;
 use etude_show::replay::Take;
 
 /// How a verb ended without failing.
-pub enum Ending {
+pub enum VerbEnd {
     Done,
     Stopped,
     /// Another process is working on it.

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use etude_identify::{
-    BoConfig, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Motion, Pass, Progress, identify,
+    BoConfig, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Pass, Progress, RecordedMotion, identify,
 };
 use etude_perform::Job;
 use etude_stage::params::JointRow;
@@ -52,7 +52,7 @@ fn start(seed: u64) -> BTreeMap<String, f64> {
 }
 
 /// The error of all joints while each is fitted by itself.
-fn course(motions: &[Motion], method: MethodConfig, seed: u64) -> Result<Vec<Point>, IdentifyError> {
+fn course(motions: &[RecordedMotion], method: MethodConfig, seed: u64) -> Result<Vec<Point>, IdentifyError> {
     let config = IdentifyConfig { method, seed, start: start(seed) };
     let state = std::env::temp_dir().join(format!("methods-{seed}-{}.json", std::process::id()));
     let (begun, interrupt) = (Instant::now(), AtomicBool::new(false));
@@ -96,8 +96,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(place) => paths.split_off(place).get(1).ok_or("--seeds needs a number")?.parse()?,
         None => 5,
     };
-    let motions: Vec<Motion> =
-        paths.iter().map(|path| Motion::load(Path::new(path))).collect::<Result<_, _>>()?;
+    let motions: Vec<RecordedMotion> =
+        paths.iter().map(|path| RecordedMotion::load(Path::new(path))).collect::<Result<_, _>>()?;
     let mut courses: Vec<(&str, Vec<Vec<Point>>)> = Vec::new();
     for (name, method) in methods() {
         let mut all = Vec::new();

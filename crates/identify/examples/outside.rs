@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use etude_identify::{
     Block, Candidate, Commands, Estimate, Evaluation, Fit, JacobianPlan, LmConfig, Loss, MethodConfig,
-    Motion, Parameter, Problem, Replayer, Scale, Space, Trace,
+    Parameter, Problem, RecordedMotion, Replayer, Scale, Space, Trace,
 };
 use etude_perform::{Excitation, shaping_params};
 use etude_robot::rig_file::RigConfig;
@@ -102,11 +102,11 @@ fn parameters(start: &PhysicalParams) -> Vec<Parameter> {
 }
 
 /// Motion of a robot with these parameters in a third of an excitation, without noise.
-fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fallible<Motion> {
+fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fallible<RecordedMotion> {
     let targets = excitation.targets(Side::Left);
     let count = targets.len() / 3;
     let targets = targets[third * count..(third + 1) * count].to_vec();
-    let mut motion = Motion {
+    let mut motion = RecordedMotion {
         path: PathBuf::from(excitation.name()),
         rig: RigConfig::default(),
         rig_label: String::new(),
@@ -132,7 +132,7 @@ fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fa
     Ok(motion)
 }
 
-fn noisy(motion: &Motion, random: &mut Pcg64) -> Motion {
+fn noisy(motion: &RecordedMotion, random: &mut Pcg64) -> RecordedMotion {
     let mut motion = motion.clone();
     motion
         .fingers
@@ -143,7 +143,7 @@ fn noisy(motion: &Motion, random: &mut Pcg64) -> Motion {
 }
 
 /// References of the joints at each physics step of a motion: rad, the rail in m.
-fn references(params: &PhysicalParams, motion: &Motion) -> Fallible<Vec<[f64; DRIVEN_JOINTS]>> {
+fn references(params: &PhysicalParams, motion: &RecordedMotion) -> Fallible<Vec<[f64; DRIVEN_JOINTS]>> {
     let Commands::Targets(targets) = &motion.commands else { return Err("a motion without targets".into()) };
     let step_secs = StageConfig::default().physics_step_secs();
     let gains = std::array::from_fn::<_, DRIVEN_JOINTS, _>(|joint| {
@@ -183,12 +183,12 @@ fn model(params: &PhysicalParams) -> Fallible<String> {
 /// The problem for this crate, and its evaluation.
 struct Posed {
     start: PhysicalParams,
-    motions: Vec<Motion>,
+    motions: Vec<RecordedMotion>,
     problem: Problem,
 }
 
 impl Posed {
-    fn new(start: PhysicalParams, motions: Vec<Motion>) -> Fallible<Self> {
+    fn new(start: PhysicalParams, motions: Vec<RecordedMotion>) -> Fallible<Self> {
         let blocks = motions.iter().flat_map(|motion| {
             let name = |joint: usize| format!("{}.{}", motion.path.display(), JOINT_NAMES[joint]);
             FITTED.map(move |joint| Block::new(&name(joint), motion.fingers.len()))
@@ -256,7 +256,7 @@ impl Posed {
     }
 
     /// The problem for stock MuJoCo; `clean` are the motions without noise.
-    fn exported(&self, truth: &PhysicalParams, clean: &[Motion]) -> Fallible<Value> {
+    fn exported(&self, truth: &PhysicalParams, clean: &[RecordedMotion]) -> Fallible<Value> {
         let parameters = FITTED.flat_map(|joint| QUANTITIES.map(|quantity| (joint, quantity)));
         let parameters = parameters.zip(self.problem.space().parameters()).map(|((joint, quantity), p)| {
             json!({
@@ -265,7 +265,7 @@ impl Posed {
                 "logarithmic": p.scale == Scale::Logarithmic,
             })
         });
-        let fitted = |motion: &Motion| -> Vec<Vec<f64>> {
+        let fitted = |motion: &RecordedMotion| -> Vec<Vec<f64>> {
             motion.fingers.iter().map(|(_, angles)| angles[FITTED].to_vec()).collect()
         };
         let motions = self.motions.iter().zip(clean).map(|(motion, clean)| {

@@ -3,7 +3,7 @@
 use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PhysicalParams, RAIL, StageConfig, StageError};
 use serde::{Deserialize, Serialize};
 
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 use crate::replay::{Replayer, Trace};
 
 /// Root mean square errors of one joint over several recordings, before and after the fit, rad or
@@ -38,7 +38,7 @@ impl Assessment {
     /// # Errors
     /// If the simulation cannot be built.
     pub fn new(
-        motions: &[Motion],
+        motions: &[RecordedMotion],
         before: &PhysicalParams,
         after: &PhysicalParams,
     ) -> Result<Self, StageError> {
@@ -74,20 +74,20 @@ impl Assessment {
 /// A motion and its replays before and after the fit. A replay is `None` where the simulation
 /// diverged.
 pub(crate) struct Replayed<'a> {
-    pub motion: &'a Motion,
+    pub motion: &'a RecordedMotion,
     pub traces: [Option<Trace>; 2],
 }
 
 /// Replays motions of one hand with the parameters `before` and `after`.
 pub(crate) fn replay_both<'a>(
-    motions: impl IntoIterator<Item = &'a Motion>,
+    motions: impl IntoIterator<Item = &'a RecordedMotion>,
     before: &PhysicalParams,
     after: &PhysicalParams,
 ) -> Result<Vec<Replayed<'a>>, StageError> {
     let mut motions = motions.into_iter().peekable();
     let Some(first) = motions.peek() else { return Ok(Vec::new()) };
     let mut replayer = Replayer::new(&StageConfig { side: first.side(), ..StageConfig::default() })?;
-    let both = |motion: &'a Motion| Replayed {
+    let both = |motion: &'a RecordedMotion| Replayed {
         motion,
         traces: [before, after].map(|params| replayer.replay(params, motion, false)),
     };

@@ -11,7 +11,7 @@ use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::gaussian_process::GaussianProcess;
-use crate::method::{Outcome, Reason};
+use crate::method::{Outcome, StopReason};
 use crate::problem::Problem;
 use crate::space::all_inside;
 
@@ -56,13 +56,17 @@ impl Bo {
         vec![point]
     }
 
-    pub(crate) fn update(&mut self, points: &[Vec<f64>], outcomes: &[Option<Outcome<'_>>]) -> Option<Reason> {
+    pub(crate) fn update(
+        &mut self,
+        points: &[Vec<f64>],
+        outcomes: &[Option<Outcome<'_>>],
+    ) -> Option<StopReason> {
         for (point, outcome) in points.iter().zip(outcomes) {
             self.evaluated.push((all_inside(point), outcome.as_ref().map(|outcome| outcome.cost)));
         }
         self.batch += 1;
         let none = self.evaluated.iter().all(|(_, cost)| cost.is_none());
-        (none && self.batch > 1).then_some(Reason::Failures)
+        (none && self.batch > 1).then_some(StopReason::Failures)
     }
 
     /// The start, and a Latin hypercube: each parameter's range in as many stripes as candidates,

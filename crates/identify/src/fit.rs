@@ -9,7 +9,7 @@ use crate::bayesian::Bo;
 use crate::config::MethodConfig;
 use crate::error::FitError;
 use crate::levenberg_marquardt::Lm;
-use crate::method::{Candidate, Outcome, Reason};
+use crate::method::{Candidate, Outcome, StopReason};
 use crate::problem::{Evaluation, Problem};
 
 /// Each new candidate of Bayesian optimisation takes time in proportion to the cube of all before.
@@ -50,7 +50,7 @@ impl State {
         problem: &Problem,
         points: &[Vec<f64>],
         outcomes: &[Option<Outcome<'_>>],
-    ) -> Option<Reason> {
+    ) -> Option<StopReason> {
         match self {
             Self::Lm(lm) => lm.update(problem, points, outcomes),
             Self::Bo(bo) => bo.update(points, outcomes),
@@ -69,7 +69,7 @@ pub struct Fit {
     state: State,
     best: Option<Best>,
     evaluations: u64,
-    finished: Option<Reason>,
+    finished: Option<StopReason>,
     /// The batch that waits for its evaluations.
     #[serde(skip)]
     asked: Option<Vec<Vec<f64>>>,
@@ -147,7 +147,7 @@ impl Fit {
         }
         self.finished = self.state.update(&self.problem, &points, &outcomes);
         if self.finished.is_none() && self.evaluations >= self.max_evaluations {
-            self.finished = Some(Reason::Budget);
+            self.finished = Some(StopReason::Budget);
         }
         self.asked = None;
         Ok(())
@@ -174,7 +174,7 @@ impl Fit {
     }
 
     /// Why the fit has ended; `None` before its end.
-    pub fn finished(&self) -> Option<Reason> {
+    pub fn finished(&self) -> Option<StopReason> {
         self.finished
     }
 }

@@ -16,7 +16,7 @@ use etude_robot::joints::HAND_DRIVEN_JOINTS;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 
 /// Readings to each side from which velocity and acceleration are taken: 15 ms.
 const HALF_WINDOW: usize = 5;
@@ -119,7 +119,7 @@ impl NormalEquations {
 
 /// Fits the gain to motions that touch no key, with the palm facing down; `None` if the joints turn
 /// too little.
-pub fn fit_gravity_compensation(motions: &[Motion]) -> Option<GravityCompensation> {
+pub fn fit_gravity_compensation(motions: &[RecordedMotion]) -> Option<GravityCompensation> {
     let mut rows = Vec::new();
     for motion in motions.iter().filter(|motion| motion.keys.is_empty()) {
         for index in HALF_WINDOW..motion.fingers.len().saturating_sub(HALF_WINDOW) {
@@ -146,7 +146,7 @@ pub fn fit_gravity_compensation(motions: &[Motion]) -> Option<GravityCompensatio
 }
 
 /// Adds the readings of the joints that turn.
-fn add_samples(motion: &Motion, index: usize, rows: &mut Vec<TurningSample>) {
+fn add_samples(motion: &RecordedMotion, index: usize, rows: &mut Vec<TurningSample>) {
     let reading = |at: usize| motion.fingers[at];
     let ((before, from), (now, at), (after, to)) =
         (reading(index - HALF_WINDOW), reading(index), reading(index + HALF_WINDOW));

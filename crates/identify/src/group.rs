@@ -8,7 +8,7 @@ use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PhysicalParams, RAIL};
 use serde::{Deserialize, Serialize};
 
 use crate::error::FitError;
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 use crate::parameter_bounds::{contact_parameters, contact_prior};
 use crate::problem::{Block, Evaluation, Loss, Problem};
 use crate::replay::Trace;
@@ -42,7 +42,11 @@ impl Group {
     ///
     /// # Errors
     /// If there are no parameters or no residuals.
-    pub fn problem(&self, parameters: Vec<Parameter>, motions: &[Motion]) -> Result<Problem, FitError> {
+    pub fn problem(
+        &self,
+        parameters: Vec<Parameter>,
+        motions: &[RecordedMotion],
+    ) -> Result<Problem, FitError> {
         let mut blocks = Vec::new();
         for (index, motion) in motions.iter().enumerate() {
             for joint in self.joints_of(motion) {
@@ -65,7 +69,7 @@ impl Group {
     pub fn influenced<'a>(
         &'a self,
         joint: usize,
-        motions: &'a [Motion],
+        motions: &'a [RecordedMotion],
     ) -> impl Iterator<Item = String> + 'a {
         let finger = |joint: usize| joint / JOINTS_PER_FINGER;
         motions.iter().enumerate().flat_map(move |(index, motion)| {
@@ -74,12 +78,12 @@ impl Group {
         })
     }
 
-    fn joints_of<'a>(&'a self, motion: &'a Motion) -> impl Iterator<Item = usize> + 'a {
+    fn joints_of<'a>(&'a self, motion: &'a RecordedMotion) -> impl Iterator<Item = usize> + 'a {
         self.joints.iter().copied().filter(|joint| motion.moves[*joint])
     }
 
     /// Whether a motion has residuals of this group.
-    pub fn uses(&self, motion: &Motion) -> bool {
+    pub fn uses(&self, motion: &RecordedMotion) -> bool {
         self.joints_of(motion).next().is_some() || (self.keys && !motion.keys.is_empty())
     }
 
@@ -89,7 +93,7 @@ impl Group {
         &self,
         before: &PhysicalParams,
         params: &PhysicalParams,
-        motions: &[Motion],
+        motions: &[RecordedMotion],
         traces: &[Option<Trace>],
     ) -> Evaluation {
         let mut residuals = Vec::new();
@@ -115,7 +119,7 @@ impl Group {
 
 /// Two residuals a control step: by how much the keys that sounded at its end are short of where
 /// they are silent again, and by how much the others are beyond their threshold.
-fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residuals: &mut Vec<f64>) {
+fn key_residuals(params: &PhysicalParams, motion: &RecordedMotion, trace: &Trace, residuals: &mut Vec<f64>) {
     let threshold = params.world(WorldRow::KeyThreshold);
     let release = threshold * (1.0 - params.world(WorldRow::KeyHysteresis));
     let mut sounding = [false; KEY_COUNT];

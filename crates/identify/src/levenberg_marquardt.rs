@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::LmConfig;
 use crate::jacobian::{assemble, probes};
-use crate::method::{Outcome, Reason};
+use crate::method::{Outcome, StopReason};
 use crate::problem::Problem;
 use crate::space::all_inside;
 
@@ -94,7 +94,7 @@ impl Lm {
         problem: &Problem,
         points: &[Vec<f64>],
         outcomes: &[Option<Outcome<'_>>],
-    ) -> Option<Reason> {
+    ) -> Option<StopReason> {
         let first = outcomes.first().and_then(Option::as_ref);
         match self.phase.clone() {
             Phase::Start => match (points.first(), first) {
@@ -102,7 +102,7 @@ impl Lm {
                     self.move_to(point, outcome);
                     None
                 }
-                _ => Some(Reason::Failures),
+                _ => Some(StopReason::Failures),
             },
             Phase::Jacobian { attempts } => self.update_jacobian(problem, attempts, outcomes),
             Phase::Trial { point, predicted } => self.update_trial(&point, predicted, first),
@@ -121,7 +121,7 @@ impl Lm {
     }
 
     /// Continues with finer differences, or ends for `reason` if they are the finest.
-    fn settle(&mut self, reason: Reason) -> Option<Reason> {
+    fn settle(&mut self, reason: StopReason) -> Option<StopReason> {
         if self.difference_step <= self.config.difference_step {
             return Some(reason);
         }
@@ -133,9 +133,9 @@ impl Lm {
     }
 
     /// Prepares the next step, or returns why the fit ends.
-    fn decide(&mut self) -> Option<Reason> {
+    fn decide(&mut self) -> Option<StopReason> {
         if self.model.steepest(&self.point) <= GRADIENT_TOLERANCE {
-            return self.settle(Reason::Gradient);
+            return self.settle(StopReason::Gradient);
         }
         while self.damping <= DAMPING_LIMITS[1] {
             let Some(step) = self.model.step(&self.point, self.damping) else {
@@ -144,20 +144,20 @@ impl Lm {
             };
             let moves: Vec<f64> = step.point.iter().zip(&self.point).map(|(a, b)| (a - b).abs()).collect();
             let small = if moves.iter().all(|d| *d <= STEP_TOLERANCE) {
-                Some(Reason::Step)
+                Some(StopReason::Step)
             } else if step.predicted <= self.config.cost_tolerance * self.cost {
-                Some(Reason::Cost)
+                Some(StopReason::Cost)
             } else {
                 None
             };
             if let Some(reason) = small {
                 // A step that is small only because of damping has not converged.
-                return self.settle(if self.damping <= 1.0 { reason } else { Reason::Damping });
+                return self.settle(if self.damping <= 1.0 { reason } else { StopReason::Damping });
             }
             self.phase = Phase::Trial { point: step.point, predicted: step.predicted };
             return None;
         }
-        self.settle(Reason::Damping)
+        self.settle(StopReason::Damping)
     }
 
     fn reject(&mut self) {
@@ -170,7 +170,7 @@ impl Lm {
         problem: &Problem,
         mut attempts: Vec<u8>,
         outcomes: &[Option<Outcome<'_>>],
-    ) -> Option<Reason> {
+    ) -> Option<StopReason> {
         let probes = self.jacobian_probes(problem, &attempts);
         let residuals: Vec<Option<&[f64]>> =
             outcomes.iter().map(|outcome| outcome.as_ref().map(|o| o.residuals)).collect();
@@ -194,7 +194,7 @@ impl Lm {
         point: &[f64],
         predicted: f64,
         outcome: Option<&Outcome<'_>>,
-    ) -> Option<Reason> {
+    ) -> Option<StopReason> {
         let accepted = outcome.filter(|o| self.cost - o.cost > MIN_GAIN * predicted);
         let Some(outcome) = accepted else {
             self.reject();
@@ -210,7 +210,7 @@ impl Lm {
         self.growth = 2.0;
         self.move_to(point, outcome);
         if reduction <= tolerance && predicted <= tolerance {
-            return self.settle(Reason::Cost);
+            return self.settle(StopReason::Cost);
         }
         None
     }

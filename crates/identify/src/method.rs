@@ -25,7 +25,7 @@ impl Candidate {
 /// Why a fit ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Reason {
+pub enum StopReason {
     /// The cost's gradient is zero along every free parameter.
     Gradient,
     /// The parameters no longer move.

@@ -3,7 +3,7 @@
 use etude_music::KEY_COUNT;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, StageError, World};
 
-use crate::motion::{Commands, Motion};
+use crate::motion::{Commands, RecordedMotion};
 
 /// The simulation has diverged if a joint's position is larger, rad or m.
 const DIVERGED: f64 = 10.0;
@@ -36,7 +36,7 @@ impl Replayer {
 
     /// Replays a motion with these parameters; `keys` records the travel of the keys too. `None` if
     /// the simulation diverges. An excitation that stays in the air is replayed without contacts.
-    pub fn replay(&mut self, params: &PhysicalParams, motion: &Motion, keys: bool) -> Option<Trace> {
+    pub fn replay(&mut self, params: &PhysicalParams, motion: &RecordedMotion, keys: bool) -> Option<Trace> {
         let world = &mut self.world;
         world.set_params(params);
         world.set_contacts(!motion.is_in_the_air());
@@ -104,12 +104,12 @@ impl Trace {
     }
 
     /// Simulated minus measured positions of a joint, in the order of its readings, rad or m.
-    pub fn errors<'a>(&'a self, motion: &'a Motion, joint: usize) -> impl Iterator<Item = f64> + 'a {
+    pub fn errors<'a>(&'a self, motion: &'a RecordedMotion, joint: usize) -> impl Iterator<Item = f64> + 'a {
         motion.readings(joint).map(move |(secs, measured)| self.position(joint, secs) - measured)
     }
 
     /// Root mean square of [`errors`](Self::errors), rad or m.
-    pub fn rmse(&self, motion: &Motion, joint: usize) -> f64 {
+    pub fn rmse(&self, motion: &RecordedMotion, joint: usize) -> f64 {
         let (count, sum) = self.errors(motion, joint).fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
         f64::sqrt(sum / f64::max(count, 1.0))
     }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use etude_identify::{
-    Assessment, BoConfig, GravityCompensation, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion,
-    Progress, Report, ReportInput, describe_keyboard, fit_gravity_compensation, identify,
+    Assessment, BoConfig, GravityCompensation, Identified, IdentifyConfig, LmConfig, MethodConfig, Progress,
+    RecordedMotion, Report, ReportInput, describe_keyboard, fit_gravity_compensation, identify,
 };
 use etude_perform::{Excitation, Job, write_file};
 use etude_stage::PhysicalParams;
@@ -124,10 +124,12 @@ pub fn identify_robot(
     job: &mut Job<'_, Progress>,
 ) -> anyhow::Result<IdentifyReport> {
     let paths: Vec<PathBuf> = what.recordings.iter().chain(&what.held_out).cloned().collect();
-    let all = Motion::load_all(&paths)?;
-    let is_held_out =
-        |motion: &Motion| motion.mode == Excitation::HeldOut.name() || what.held_out.contains(&motion.path);
-    let (held_out, fitted): (Vec<Motion>, Vec<Motion>) = all.into_iter().partition(is_held_out);
+    let all = RecordedMotion::load_all(&paths)?;
+    let is_held_out = |motion: &RecordedMotion| {
+        motion.mode == Excitation::HeldOut.name() || what.held_out.contains(&motion.path)
+    };
+    let (held_out, fitted): (Vec<RecordedMotion>, Vec<RecordedMotion>) =
+        all.into_iter().partition(is_held_out);
     let Some(first) = fitted.first() else {
         bail!("all recordings are held out; give some to fit (`etude record --excitation chirp`)");
     };
@@ -147,8 +149,8 @@ pub fn identify_robot(
     let identified = identify(&fitted, &config, &folder.join(STATE), job)?;
     let with = |rows| PhysicalParams::default().with(rows);
     let (before, after) = (with(&identified.before)?, with(&identified.physics)?);
-    let air: Vec<Motion> = fitted.iter().filter(|motion| motion.keys.is_empty()).cloned().collect();
-    let names = |motions: &[Motion]| motions.iter().map(|motion| motion.path.clone()).collect();
+    let air: Vec<RecordedMotion> = fitted.iter().filter(|motion| motion.keys.is_empty()).cloned().collect();
+    let names = |motions: &[RecordedMotion]| motions.iter().map(|motion| motion.path.clone()).collect();
     let result = IdentifyReport {
         rig: first.rig_label.clone(),
         method: what.method,

@@ -4,7 +4,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use etude_identify::{Commands, Motion};
+use etude_identify::{Commands, RecordedMotion};
 use etude_lab::{RobotMotion, record_robot};
 use etude_perform::Excitation;
 use etude_perform::session::RigChoice;
@@ -20,7 +20,7 @@ fn a_hand_in_the_air_has_no_contact() {
             let path = folder.path().join("air.mcap");
             record_robot(&rig, RobotMotion::Excitation(excitation), true, 0, &path, &AtomicBool::new(false))
                 .unwrap();
-            let motion = Motion::load(&path).unwrap();
+            let motion = RecordedMotion::load(&path).unwrap();
             assert!(motion.is_in_the_air(), "{twin_params}, {}", excitation.name());
             let Commands::Targets(targets) = &motion.commands else { panic!("excitations are targets") };
             let mut world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();

@@ -7,18 +7,19 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use etude_identify::{
-    IdentifyConfig, LmConfig, Measured, MethodConfig, Motion, MotionError, describe_keyboard, identify,
+    IdentifyConfig, LmConfig, Measured, MethodConfig, MotionError, RecordedMotion, describe_keyboard,
+    identify,
 };
 use etude_lab::{RobotMotion, record_robot};
 use etude_perform::session::RigChoice;
 use etude_perform::{Excitation, Job};
 use etude_twin::TwinParams;
 
-fn recorded(twin_params: TwinParams, folder: &Path) -> Result<Motion, MotionError> {
+fn recorded(twin_params: TwinParams, folder: &Path) -> Result<RecordedMotion, MotionError> {
     let rig = RigChoice::Twin(Box::new(twin_params));
     let (path, motion) = (folder.join("keys.mcap"), RobotMotion::Excitation(Excitation::Keys));
     record_robot(&rig, motion, true, 0, &path, &AtomicBool::new(false)).unwrap();
-    Motion::load(&path)
+    RecordedMotion::load(&path)
 }
 
 /// What is measured of the keyboard of a twin, by path.
@@ -29,7 +30,7 @@ fn measured(twin_params: TwinParams) -> BTreeMap<String, Measured> {
     found.into_iter().map(|one| (one.path.clone(), one)).collect()
 }
 
-fn measured_of(motions: &[Motion], folder: &Path) -> Vec<Measured> {
+fn measured_of(motions: &[RecordedMotion], folder: &Path) -> Vec<Measured> {
     let method = MethodConfig::Lm(LmConfig::for_replays());
     let config = IdentifyConfig { method, seed: 0, start: BTreeMap::new() };
     let (stop, mut tell) = (AtomicBool::new(false), |_: &_| {});

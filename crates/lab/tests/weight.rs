@@ -4,7 +4,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use etude_identify::{GravityCompensation, Motion, fit_gravity_compensation};
+use etude_identify::{GravityCompensation, RecordedMotion, fit_gravity_compensation};
 use etude_lab::record_excitations;
 use etude_perform::Excitation;
 use etude_perform::session::RigChoice;
@@ -17,7 +17,7 @@ fn weighed(change: &str) -> GravityCompensation {
     let recordings =
         record_excitations(&rig, &Excitation::ALL, folder.path(), 0, &AtomicBool::new(false), &mut |_, _| {})
             .unwrap();
-    fit_gravity_compensation(&Motion::load_all(&recordings).unwrap()).unwrap()
+    fit_gravity_compensation(&RecordedMotion::load_all(&recordings).unwrap()).unwrap()
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub use files::{FileError, write_file, write_frames_csv};
 pub use job::Job;
 pub use key_correction::{KeyCorrections, PlannedAndPlayed};
 pub use messages::{
-    Activity, ArmMessage, DueNote, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage,
+    Activity, ArmMessage, DueNote, EventMessage, HandMessage, Header, KeyMessage, Message, PolicyMessage,
     RewardMessage, SetPointMessage, StepMessage, TargetMessage,
 };
 pub use mode::Mode;

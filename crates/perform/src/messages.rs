@@ -43,7 +43,7 @@ messages! {
     SetPointMessage => "/setpoint", "etude.SetPoint";
     HandMessage => "/hand", "etude.Hand";
     ArmMessage => "/arm", "etude.Arm";
-    NoteMessage => "/note", "etude.Note";
+    EventMessage => "/event", "etude.Event";
     RewardMessage => "/reward", "etude.Reward";
 }
 
@@ -240,7 +240,7 @@ pub struct ArmMessage {
 
 /// Something that an operator should read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct NoteMessage {
+pub struct EventMessage {
     /// `phase`, `warning` or `fault`.
     pub kind: String,
     /// What happened.

@@ -7,7 +7,7 @@ use etude_music::{KeyEvent, LOWEST_PITCH};
 use etude_robot::{Pace, Record, Robot};
 
 use crate::error::RecordingError;
-use crate::messages::{ArmMessage, HandMessage, KeyMessage, Message, NoteMessage, SetPointMessage};
+use crate::messages::{ArmMessage, EventMessage, HandMessage, KeyMessage, Message, SetPointMessage};
 use crate::timing::Timing;
 use crate::writer::RecordingWriter;
 
@@ -155,7 +155,7 @@ impl RobotRecords {
                 rail_m: *rail_m,
             }),
             Record::Note { at, kind, text } => {
-                recorder.measured(secs(at), || NoteMessage { kind: (*kind).to_string(), text: text.clone() })
+                recorder.measured(secs(at), || EventMessage { kind: (*kind).to_string(), text: text.clone() })
             }
         }
     }

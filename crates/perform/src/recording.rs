@@ -16,7 +16,7 @@
 //! | `/setpoint` | [`SetPointMessage`] | at every set-point, 200 a second |
 //! | `/hand` | [`HandMessage`] | at every period of the hand's joint loop, 333 a second, also while it starts and for a second after a release |
 //! | `/arm` | [`ArmMessage`] | at every report of the arm, 100 a second |
-//! | `/note` | [`NoteMessage`] | at a new phase, a warning, a fault |
+//! | `/event` | [`EventMessage`] | at a new phase, a warning, a fault |
 //!
 //! Messages are JSON with a JSON schema. Log times are nanoseconds since the start of the
 //! performance; what comes before it has the time 0. The publish times of what a robot's devices
@@ -31,7 +31,7 @@ use serde::Deserialize;
 
 use crate::error::RecordingError;
 use crate::messages::{
-    ArmMessage, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage, RewardMessage,
+    ArmMessage, EventMessage, HandMessage, Header, KeyMessage, Message, PolicyMessage, RewardMessage,
     SetPointMessage, StepMessage, TargetMessage,
 };
 use crate::terminated_file::UNINDEXED_END;
@@ -61,7 +61,7 @@ pub struct Recording {
     /// Reports of a robot's arm, each at its time, s.
     pub arm: Vec<(f64, ArmMessage)>,
     /// What an operator should read, each at its time, s.
-    pub notes: Vec<(f64, NoteMessage)>,
+    pub notes: Vec<(f64, EventMessage)>,
     /// Whether the file ends as it should; `false` for one that was interrupted or damaged.
     pub complete: bool,
 }
@@ -126,7 +126,7 @@ impl Recording {
                 }
                 HandMessage::TOPIC => serde_json::from_slice(data).map(|hand| self.hand.push((secs, hand))),
                 ArmMessage::TOPIC => serde_json::from_slice(data).map(|arm| self.arm.push((secs, arm))),
-                NoteMessage::TOPIC => serde_json::from_slice(data).map(|note| self.notes.push((secs, note))),
+                EventMessage::TOPIC => serde_json::from_slice(data).map(|note| self.notes.push((secs, note))),
                 _ => Ok(()),
             };
             taken.map_err(|error| format!("a message on {} is damaged: {error}", message.channel.topic))?;
@@ -181,7 +181,7 @@ mod tests {
         }
         let key = KeyMessage { secs: 0.125, pitch: 60, velocity: 90 };
         writer.write(key.secs, &key).unwrap();
-        let note = NoteMessage { kind: "fault".to_string(), text: "hot".to_string() };
+        let note = EventMessage { kind: "fault".to_string(), text: "hot".to_string() };
         writer.write(21.5, &note).unwrap();
         let [positions, reference, wanted] = [0.1, 0.2, -7.3].map(|value| vec![value; 16]);
         let hand = HandMessage { positions, reference, wanted, pwm: vec![-7; 16] };

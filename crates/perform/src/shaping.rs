@@ -33,7 +33,7 @@ impl Shaping {
         let gains = std::array::from_fn(|joint| {
             ControllerConstants::new(&params, joint, Actuation::Controlled, step)
         });
-        let key_down_gains = gains[RAIL].slower(params.world(WorldRow::KeyDownSpeed));
+        let key_down_gains = gains[RAIL].slower(params.world(WorldRow::KeyDownVelocity));
         Self { gains, key_down_gains, controllers: pose.map(Controller::at_rest) }
     }
 
@@ -81,8 +81,8 @@ pub fn within_limits(mut params: PhysicalParams, limits: &LimitsConfig) -> Physi
 
 /// The same parameters, with the rig's limit on the rail while a key is down.
 pub(crate) fn slow_while_keys_are_down(mut params: PhysicalParams, limits: &LimitsConfig) -> PhysicalParams {
-    let slow = params.world(WorldRow::KeyDownSpeed).min(LIMIT_SHARE * limits.key_down_rail_velocity);
-    params.set_world(WorldRow::KeyDownSpeed, slow);
+    let slow = params.world(WorldRow::KeyDownVelocity).min(LIMIT_SHARE * limits.key_down_rail_velocity);
+    params.set_world(WorldRow::KeyDownVelocity, slow);
     params
 }
 

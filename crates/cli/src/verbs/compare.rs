@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::play::note_summary;
 use crate::files::output_file;
-use crate::output::{Ending, line, note_incomplete, print_json};
+use crate::output::{VerbEnd, line, note_incomplete, print_json};
 
 /// The two performances, and the page.
 #[derive(clap::Args)]
@@ -37,7 +37,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let takes = [read_take(&recording(&args.one)?)?, read_take(&recording(&args.other)?)?];
     let comparison = Comparison::new(&takes[0], &takes[1])?;
     let page = args.out.map(|page| output_file(page, "html", "the name must end in .html")).transpose()?;
@@ -54,7 +54,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             line(format!("Open in a browser: {}", page.display()))?;
         }
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 fn summary(take: &Take) -> serde_json::Value {

@@ -3,7 +3,7 @@
 use clap::{Arg, Command, ValueHint, value_parser};
 use clap_complete::Shell;
 
-use crate::output::{Ending, line};
+use crate::output::{VerbEnd, line};
 
 /// For which shell.
 #[derive(clap::Args)]
@@ -18,12 +18,12 @@ pub struct Args {
 }
 
 /// Writes the completions of `command`.
-pub fn run(args: Args, command: Command) -> anyhow::Result<Ending> {
+pub fn run(args: Args, command: Command) -> anyhow::Result<VerbEnd> {
     let mut command = prepared(command, args.shell);
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut command, "etude", &mut text);
     line(String::from_utf8(text)?.trim_end())?;
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 /// `command` with the completions of values that are a name or a file. Bash completes the names,

@@ -2,7 +2,7 @@
 
 use etude_lab::examine;
 
-use crate::output::{Ending, line, print_json};
+use crate::output::{VerbEnd, line, print_json};
 
 /// How to print.
 #[derive(clap::Args)]
@@ -14,11 +14,11 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let findings = examine();
     if args.json {
         print_json(&findings)?;
-        return Ok(Ending::Done);
+        return Ok(VerbEnd::Done);
     }
     for finding in &findings {
         let mark = if finding.ok { "ok     " } else { "missing" };
@@ -27,5 +27,5 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             line(format!("         {:14} {}", "", finding.cost))?;
         }
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }

@@ -8,7 +8,7 @@ use clap::ValueHint;
 use etude_lab::{GridConfig, GridReport, GridScores, SONG, evaluate_grid, find_song};
 
 use crate::args::{self, PianistArgs};
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{VerbEnd, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::{Status, planner};
 
@@ -57,7 +57,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let song = find_song(&args.song, args.keep_silence)?;
     song.check_range()?;
     let mut planner = planner(args.json);
@@ -77,7 +77,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     drop(status);
     let Some(mut report) = report else {
         note("stopped; nothing was written");
-        return Ok(Ending::Stopped);
+        return Ok(VerbEnd::Stopped);
     };
     report.write_csv(&out)?;
     if let Some(csv) = &report.csv {
@@ -88,7 +88,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     } else {
         print(&report)?
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 fn print(report: &GridReport) -> anyhow::Result<()> {

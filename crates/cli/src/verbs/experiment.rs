@@ -12,7 +12,7 @@ use etude_perform::{Job, shell_line};
 use serde_json::json;
 
 use crate::args;
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{VerbEnd, line, note, print_json};
 use crate::progress::{is_attended, patient_stop_flag, stop_flag};
 use crate::status::Status;
 
@@ -174,14 +174,14 @@ struct TrialArgs {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     match args.what {
         What::List { json } => list(json),
         What::Plan(args) => {
             for (_, trials) in args.plans()? {
                 line(plan_text(&trials).trim_end())?;
             }
-            Ok(Ending::Done)
+            Ok(VerbEnd::Done)
         }
         What::Run(args) => launch(&args),
         What::Status(args) => status(&args),
@@ -190,7 +190,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
 }
 
-fn list(as_json: bool) -> anyhow::Result<Ending> {
+fn list(as_json: bool) -> anyhow::Result<VerbEnd> {
     let mut rows = Vec::new();
     for name in names() {
         let experiment = Experiment::load(name)?;
@@ -205,10 +205,10 @@ fn list(as_json: bool) -> anyhow::Result<Ending> {
     if as_json {
         print_json(&rows)?;
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
-fn launch(args: &RunArgs) -> anyhow::Result<Ending> {
+fn launch(args: &RunArgs) -> anyhow::Result<VerbEnd> {
     let plans = args.plan.plans()?;
     let trials: Vec<Trial> = plans.iter().flat_map(|(_, trials)| trials.clone()).collect();
     let name = plans.iter().map(|(experiment, _)| experiment.name.as_str()).collect::<Vec<_>>().join("-");
@@ -220,7 +220,7 @@ fn launch(args: &RunArgs) -> anyhow::Result<Ending> {
     }
 }
 
-fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> anyhow::Result<Ending> {
+fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> anyhow::Result<VerbEnd> {
     if args.dry_run || args.throttle.is_some() || !args.sbatch.is_empty() {
         anyhow::bail!("--dry-run, --throttle and --sbatch are for the cluster: add --launcher slurm");
     }
@@ -245,10 +245,10 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
     line(format!("{} trials are done{busy}, {} failed", report.done, report.failed.len()))?;
     if report.stopped {
         note("stopped; the same command resumes");
-        return Ok(Ending::Stopped);
+        return Ok(VerbEnd::Stopped);
     }
     match report.failed.len() {
-        0 => Ok(Ending::Done),
+        0 => Ok(VerbEnd::Done),
         _ => Err(anyhow::anyhow!("not all trials are done; the same command runs those that failed again")),
     }
 }
@@ -271,14 +271,14 @@ fn slurm(
     trials: &[Trial],
     plan: &Path,
     program: PathBuf,
-) -> anyhow::Result<Ending> {
+) -> anyhow::Result<VerbEnd> {
     if args.workers.is_some() {
         anyhow::bail!("--workers is for this machine; on the cluster --throttle bounds the trials at a time");
     }
     let indices = open_trials(trials, &args.runs_dir);
     if indices.is_empty() {
         line("all trials are done, or under way")?;
-        return Ok(Ending::Done);
+        return Ok(VerbEnd::Done);
     }
     let config = SlurmConfig {
         program,
@@ -292,7 +292,7 @@ fn slurm(
     let script = slurm_script(name, &plan_there, &runs, &std::env::current_dir()?, &indices, &config);
     if args.dry_run {
         line(script.trim_end())?;
-        return Ok(Ending::Done);
+        return Ok(VerbEnd::Done);
     }
     write_plan(plan, trials)?;
     let job = submit(&script, plan)?;
@@ -300,10 +300,10 @@ fn slurm(
         "job {job}: {} trials; squeue --job {job} shows them, scancel {job} ends them",
         indices.len()
     ))?;
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
-fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
+fn status(args: &StatusArgs) -> anyhow::Result<VerbEnd> {
     let mut all = Vec::new();
     for (experiment, trials) in args.plan.plans()? {
         let states: Vec<TrialState> =
@@ -338,20 +338,20 @@ fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
     if args.json {
         print_json(&all)?;
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
-fn report(args: &ReportArgs) -> anyhow::Result<Ending> {
+fn report(args: &ReportArgs) -> anyhow::Result<VerbEnd> {
     let plans = args.plan.plans()?;
     let page = etude_experiment::write_report(&plans, &args.plan.config(), &args.runs_dir, &args.out)?;
     for missing in &page.missing {
         note(missing);
     }
     line(format!("Read {}", page.file.display()))?;
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
-fn trial(args: &TrialArgs) -> anyhow::Result<Ending> {
+fn trial(args: &TrialArgs) -> anyhow::Result<VerbEnd> {
     let trials = read_plan(&args.plan)?;
     let count = trials.len();
     let trial = trials.get(args.index).ok_or_else(|| {
@@ -370,11 +370,11 @@ fn trial(args: &TrialArgs) -> anyhow::Result<Ending> {
     };
     let command = shell_line(std::env::args());
     match run_trial(trial, &args.runs_dir, args.threads, &command, &mut Job::new(&mut tell, &stop))? {
-        TrialEnd::Done => Ok(Ending::Done),
-        TrialEnd::Stopped => Ok(Ending::Stopped),
+        TrialEnd::Done => Ok(VerbEnd::Done),
+        TrialEnd::Stopped => Ok(VerbEnd::Stopped),
         TrialEnd::Busy => {
             note(format!("another process is at work on {}; wait for it, or stop it", trial.id));
-            Ok(Ending::Busy)
+            Ok(VerbEnd::Busy)
         }
     }
 }

@@ -8,7 +8,7 @@ use etude_show::export::export_onnx;
 
 use crate::args::{self, PianistArgs, slug};
 use crate::files::{check_replaceable, output_file};
-use crate::output::{Ending, line, print_json};
+use crate::output::{VerbEnd, line, print_json};
 use crate::status::planner;
 
 /// Output format.
@@ -49,7 +49,7 @@ enum What {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let What::Onnx { song: asked, keep_silence, out, pianist, json: as_json } = args.what;
     let song = find_song(&asked, keep_silence)?;
     let pianist = pianist.load(&asked, &song, &mut planner(false))?;
@@ -62,5 +62,5 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     } else {
         line(format!("model: {} (of {})", out.display(), pianist.name()))?;
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }

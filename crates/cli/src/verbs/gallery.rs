@@ -9,7 +9,7 @@ use etude_perform::Job;
 use etude_show::gallery::gallery;
 use etude_show::replay::recordings;
 
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{VerbEnd, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::Status;
 
@@ -38,7 +38,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);
     let mut paths = Vec::new();
@@ -69,7 +69,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     drop(status);
     if args.json {
         print_json(&gallery)?;
-        return Ok(Ending::Done);
+        return Ok(VerbEnd::Done);
     }
     for exhibit in &gallery.exhibits {
         let f1 = exhibit.f1.map_or_else(|| "    -".to_string(), |f1| format!("{f1:.3}"));
@@ -87,7 +87,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         note(format!("piano rolls only: {why}"));
     }
     line(format!("Open in a browser: {}", gallery.index.display()))?;
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 /// Shows the next item and the time left.

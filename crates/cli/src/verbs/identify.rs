@@ -9,7 +9,7 @@ use etude_show::replay::recordings;
 use etude_task::{TaskConfig, shortest_silences};
 
 use super::model::restrike;
-use crate::output::{Ending, line, print_json};
+use crate::output::{VerbEnd, line, print_json};
 use crate::progress::stop_flag;
 use crate::status::{Status, clock};
 
@@ -59,7 +59,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let start = match &args.from {
         Some(path) => etude_lab::resolve("paper", Some(path), &[])?.task.physics,
         None => TaskConfig::default().physics,
@@ -85,7 +85,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     drop(status);
     if args.json {
         print_json(&report)?;
-        return Ok(Ending::Done);
+        return Ok(VerbEnd::Done);
     }
     for pass in &report.identified.passes {
         line(format!(
@@ -117,7 +117,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let silences = shortest_silences(&task.stage, &task.params()?)?;
     line(format!("{:<18} {}", "repeated keys", restrike(silences, &task.key_schedule)))?;
     line(format!("The simulator as identified is {}", report.file.display()))?;
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 /// The pass of a fit and its progress. It ends when all is settled, so the time left is an upper

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Command, ValueHint};
 
-use crate::output::{Ending, line};
+use crate::output::{VerbEnd, line};
 
 /// Output folder.
 #[derive(clap::Args)]
@@ -21,9 +21,9 @@ pub struct Args {
 }
 
 /// Writes the pages of `command`.
-pub fn run(args: Args, command: Command) -> anyhow::Result<Ending> {
+pub fn run(args: Args, command: Command) -> anyhow::Result<VerbEnd> {
     etude_lab::make_folder(&args.out)?;
     clap_mangen::generate_to(command, &args.out)?;
     line(format!("The pages are in {}; `man etude` shows the first", args.out.display()))?;
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }

@@ -9,7 +9,7 @@ use serde_json::json;
 
 use crate::args::ConfigArgs;
 use crate::files::check_replaceable;
-use crate::output::{Ending, line, print_json};
+use crate::output::{VerbEnd, line, print_json};
 
 /// What to print.
 #[derive(clap::Args)]
@@ -55,7 +55,7 @@ enum What {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     match args.what {
         What::Export { out, config } => {
             let task = config.resolve()?.task;
@@ -72,7 +72,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         What::Params { config, json } => params(&config.resolve()?.task.params()?, json)?,
         What::Lags { config, json } => lags(&config.resolve()?.task, json)?,
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 fn lags(task: &TaskConfig, as_json: bool) -> anyhow::Result<()> {

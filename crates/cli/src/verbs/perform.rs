@@ -11,12 +11,12 @@ use etude_lab::{
 use etude_music::KeyScheduleRule;
 use etude_music::sound::SoundFont;
 use etude_perform::session::{RigChoice, rig_choice};
-use etude_perform::{Ending as Played, Job, Mode, NoteCounts, shell_line};
+use etude_perform::{Job, Mode, NoteCounts, VerbEnd as Played, shell_line};
 use etude_twin::OrderedFault;
 
 use super::play::note_summary;
 use crate::args::{self, PianistArgs};
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{VerbEnd, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::planner;
 
@@ -95,7 +95,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let song = find_song(&args.song, args.keep_silence)?;
     song.check_range()?;
     // Opened first, so that no request to stop the robot is lost while a policy is loaded.
@@ -164,10 +164,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         Some(Played::Fault(fault)) => anyhow::bail!(
             "the performance ended with a fault: {fault}; remove the cause, then repeat the command"
         ),
-        Some(Played::Complete) if report.runs.len() == play.runs => Ok(Ending::Done),
+        Some(Played::Complete) if report.runs.len() == play.runs => Ok(VerbEnd::Done),
         _ => {
             note(format!("stopped; the means are of the complete runs, of {} requested", play.runs));
-            Ok(Ending::Stopped)
+            Ok(VerbEnd::Stopped)
         }
     }
 }

@@ -10,7 +10,7 @@ use etude_music::sound::SoundFont;
 use etude_perform::{Job, NoteCounts, Scores};
 
 use crate::args::{self, PianistArgs};
-use crate::output::{Ending, line, print_json};
+use crate::output::{VerbEnd, line, print_json};
 use crate::progress::stop_flag;
 use crate::status::{Status, planner};
 
@@ -51,7 +51,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let song = find_song(&args.song, args.keep_silence)?;
     song.check_range()?;
     let stop = stop_flag()?;
@@ -71,7 +71,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     } else {
         print(&report)?
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 /// The scores by note in one line.

@@ -9,7 +9,7 @@ use etude_perform::Excitation;
 use etude_perform::session::rig_choice;
 
 use crate::args;
-use crate::output::{Ending, line};
+use crate::output::{VerbEnd, line};
 use crate::progress::stop_flag;
 
 /// Robot, motion and output.
@@ -51,7 +51,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let rig = rig_choice(&args.robot, &args.twin_params)?;
     let stop = stop_flag()?;
     let motion = match (args.excitation, args.secs) {
@@ -68,11 +68,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     let recorded = record_robot(&rig, motion, home, args.seed, &args.out, &stop)?;
     let ending = match recorded.ending {
-        etude_perform::Ending::Complete => Ok(Ending::Done),
+        etude_perform::VerbEnd::Complete => Ok(VerbEnd::Done),
         // Without --secs, Ctrl-C is the normal end of a recording.
-        etude_perform::Ending::Interrupted if matches!(motion, RobotMotion::Rest(None)) => Ok(Ending::Done),
-        etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
-        etude_perform::Ending::Fault(fault) => Err(anyhow::anyhow!(
+        etude_perform::VerbEnd::Interrupted if matches!(motion, RobotMotion::Rest(None)) => Ok(VerbEnd::Done),
+        etude_perform::VerbEnd::Interrupted => Ok(VerbEnd::Stopped),
+        etude_perform::VerbEnd::Fault(fault) => Err(anyhow::anyhow!(
             "safety stop: {fault}; remove the cause, then record again, under another name"
         )),
     };

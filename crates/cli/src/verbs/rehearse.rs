@@ -16,7 +16,7 @@ use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 use super::identify::fit_progress;
 use super::perform::{lag_measured, run_summary};
 use crate::args::{self, slug};
-use crate::output::{Ending, line, print_json};
+use crate::output::{VerbEnd, line, print_json};
 use crate::progress::stop_flag;
 use crate::status::Status;
 
@@ -101,7 +101,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let song = find_song(&args.song, args.keep_silence)?;
     song.check_range()?;
     let name = slug(&args.song);
@@ -173,7 +173,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             None => print_json(&iterations)?,
         }
         page.checked()?;
-        return Ok(Ending::Done);
+        return Ok(VerbEnd::Done);
     }
     iterations.iter().map(iteration_summary).try_for_each(line)?;
     if let Some(adapted) = &adapted {
@@ -207,7 +207,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             shell_word(&args.robot)
         ))?;
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {

@@ -9,7 +9,7 @@ use etude_show::replay::{read_take, recording};
 use etude_stage::View;
 
 use crate::files::output_file;
-use crate::output::{Ending, line, note_incomplete, print_json};
+use crate::output::{VerbEnd, line, note_incomplete, print_json};
 use crate::progress::stop_flag;
 use crate::status::Status;
 
@@ -57,7 +57,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let recording = recording(&args.recording)?;
     let is_still = args.at.is_some();
     let wanted = if is_still { "png" } else { "mp4" };
@@ -86,5 +86,5 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     } else {
         line(format!("{what}: {}", out.display()))?;
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }

@@ -7,7 +7,7 @@ use etude_show::replay::{Take, read_take, recordings, replay_page};
 use serde_json::json;
 
 use crate::files::output_file;
-use crate::output::{Ending, line, note, note_incomplete, print_json};
+use crate::output::{VerbEnd, line, note, note_incomplete, print_json};
 
 /// Recordings and the page.
 #[derive(clap::Args)]
@@ -48,7 +48,7 @@ fn summary(take: &Take) -> serde_json::Value {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let mut paths = Vec::new();
     for path in &args.recordings {
         paths.extend(recordings(path)?);
@@ -74,9 +74,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if args.json {
         let summaries: Vec<_> = takes.iter().map(summary).collect();
         print_json(&json!({ "page": page, "bytes": bytes, "takes": summaries }))?;
-        return Ok(Ending::Done);
+        return Ok(VerbEnd::Done);
     }
     note_incomplete(&takes);
     line(format!("Open in a browser: {} ({:.1} MB)", page.display(), bytes as f64 * 1e-6))?;
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }

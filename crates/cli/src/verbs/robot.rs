@@ -27,7 +27,7 @@ use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGPIPE, SIGTERM};
 
 use crate::args;
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{VerbEnd, line, note, print_json};
 use crate::progress::stop_flag;
 
 /// Advice if a running controller may not have received the request to stop.
@@ -115,7 +115,7 @@ struct MonitorArgs {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     match args.action {
         Action::Check(args) => check::run(&args),
         Action::Home(rig) => home(&rig),
@@ -136,7 +136,7 @@ fn file(robot: &str) -> anyhow::Result<RigConfig> {
     Ok(RigConfig::load(Path::new(robot))?)
 }
 
-fn home(rig: &RigArgs) -> anyhow::Result<Ending> {
+fn home(rig: &RigArgs) -> anyhow::Result<VerbEnd> {
     let choice = rig_choice(&rig.robot, "standard")?;
     let interrupt = stop_flag()?;
     let pose = start_pose(choice.side())?;
@@ -154,10 +154,10 @@ fn home(rig: &RigArgs) -> anyhow::Result<Ending> {
             place.rail_m
         ))?;
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
-fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
+fn calibrate(args: &Calibrate) -> anyhow::Result<VerbEnd> {
     let rig = file(&args.robot)?;
     let claim = claim(&rig)?;
     let index = args.at as usize;
@@ -184,7 +184,7 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     // The arm has confirmed that it is at rest.
     operator.guard.farewell();
     if operator.interrupt.load(Ordering::Relaxed) {
-        return Ok(Ending::Stopped);
+        return Ok(VerbEnd::Stopped);
     }
     let calibration = store_point(&rig, key, &shown)?;
     line(format!("Key {pitch} is saved in {}", rig.calibration.display()))?;
@@ -195,7 +195,7 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     } else {
         line(format!("Still to calibrate: {}", left.join(", ")))?;
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 /// The operator who guides the arm and presses Enter.
@@ -234,7 +234,7 @@ fn enter(interrupt: &Arc<AtomicBool>) -> Receiver<()> {
     entered
 }
 
-fn stop_now(rig: &RigArgs) -> anyhow::Result<Ending> {
+fn stop_now(rig: &RigArgs) -> anyhow::Result<VerbEnd> {
     let config = file(&rig.robot)?;
     // A starting controller checks for this request before it moves the arm.
     let (requested, stopped) = std::thread::scope(|scope| {
@@ -258,10 +258,10 @@ fn stop_now(rig: &RigArgs) -> anyhow::Result<Ending> {
         Ok(requested) => requested.context(NOT_ASKED)?,
         Err(_) => anyhow::bail!(NOT_ASKED),
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
-fn guard(rig: &RigArgs) -> anyhow::Result<Ending> {
+fn guard(rig: &RigArgs) -> anyhow::Result<VerbEnd> {
     // Signals that end the controller must not end its guard.
     let ignored = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP, SIGPIPE] {
@@ -281,10 +281,10 @@ fn guard(rig: &RigArgs) -> anyhow::Result<Ending> {
             anyhow::bail!("guard: not all devices confirmed the stop: use the hardware stop")
         }
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
-fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
+fn monitor(args: &MonitorArgs) -> anyhow::Result<VerbEnd> {
     let rig = file(&args.robot)?;
     // A serial adapter has one user: a second one would read its bytes and close its channel.
     let serial = rig.wires.can.starts_with("slcan:");
@@ -312,7 +312,7 @@ fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
         }
         std::thread::sleep(Duration::from_millis(2));
     }
-    Ok(if stop.load(Ordering::Relaxed) { Ending::Stopped } else { Ending::Done })
+    Ok(if stop.load(Ordering::Relaxed) { VerbEnd::Stopped } else { VerbEnd::Done })
 }
 
 fn print_reports(monitor: &Monitor, now: Duration, as_json: bool) -> anyhow::Result<()> {

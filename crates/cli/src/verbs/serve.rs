@@ -23,7 +23,7 @@ use self::auth::Auth;
 use self::jobs::Jobs;
 use self::router::Server;
 use self::workspace::Workspace;
-use crate::output::{Ending, line, note};
+use crate::output::{VerbEnd, line, note};
 use crate::progress::stop_flag;
 
 /// Where the server listens.
@@ -48,7 +48,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let stop = stop_flag()?;
     let folder = std::env::current_dir().and_then(|folder| folder.canonicalize());
     let folder = folder.context("the working folder cannot be read")?;
@@ -63,7 +63,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         "Open this address in a browser on this machine; Ctrl-C ends the server and saves a running training",
     );
     http::serve(listener, &server, &stop)?;
-    Ok(Ending::Stopped)
+    Ok(VerbEnd::Stopped)
 }
 
 /// A port on this machine that no other machine reaches.

@@ -16,7 +16,7 @@ use serde_json::json;
 
 use crate::args::{self, ConfigArgs};
 use crate::files::check_replaceable;
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{VerbEnd, line, note, print_json};
 use crate::status::planner;
 
 /// Action on songs.
@@ -151,7 +151,7 @@ fn part(text: &str) -> Result<Split, String> {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     match args.what {
         None => list(args.json)?,
         Some(What::Show { song, keep_silence, frames, reference, config, json }) => {
@@ -162,7 +162,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
         Some(What::Make { seed, part, out, json }) => make(seed, part, &out, json || args.json)?,
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 fn list(as_json: bool) -> anyhow::Result<()> {

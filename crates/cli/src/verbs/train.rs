@@ -11,7 +11,7 @@ use etude_perform::{NoteCounts, shell_line, shell_word};
 use serde_json::json;
 
 use crate::args::{self, ConfigArgs, slug};
-use crate::output::{Ending, Unread, line, note, print_json};
+use crate::output::{Unread, VerbEnd, line, note, print_json};
 use crate::progress::{Progress, evaluation_summary, stop_flag};
 use crate::status::planner;
 
@@ -61,7 +61,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let limit = args.minutes.map(|minutes| Duration::from_secs_f64(minutes * 60.0));
     let stop = stop_flag()?;
     let mut planner = planner(args.json);
@@ -95,7 +95,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     drop(progress);
     let outcome = outcome?;
     ignore_unread(report(&args, &folder, &run, &outcome))?;
-    Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })
+    Ok(if outcome.stopped == Some(StopReason::Requested) { VerbEnd::Stopped } else { VerbEnd::Done })
 }
 
 /// A closed standard output does not change how a training ends: Ctrl-C in `etude train … | tee

@@ -9,7 +9,7 @@ use etude_twin::{ArmPorts, OrderedFault, TwinParams, TwinServer};
 use serde_json::json;
 
 use crate::args;
-use crate::output::{Ending, line, note};
+use crate::output::{VerbEnd, line, note};
 use crate::progress::stop_flag;
 
 /// Parameters, faults and files of the twin.
@@ -47,7 +47,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let twin_params = TwinParams::load(&args.twin_params)?.with_faults(&args.faults)?;
     let ports = if args.arm_ports { ArmPorts::default() } else { ArmPorts::FREE };
     let mut server = TwinServer::open(&twin_params, &RigConfig::default(), &args.out, ports)?;
@@ -64,5 +64,5 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         let lost = server.lost().as_secs_f64();
         note(format!("warning: the machine was overloaded, and the twin's world paused for {lost:.2} s"));
     }
-    Ok(Ending::Stopped)
+    Ok(VerbEnd::Stopped)
 }

@@ -6,7 +6,7 @@ use std::time::SystemTime;
 
 use etude_show::watch::{RunFigures, WatchedRun, find_runs};
 
-use crate::output::{Ending, line, print_json};
+use crate::output::{VerbEnd, line, print_json};
 use crate::watch::{View, show, text};
 
 /// Runs and output.
@@ -37,7 +37,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> anyhow::Result<Ending> {
+pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     if args.once || args.json || !std::io::stdout().is_terminal() {
         let now = SystemTime::now();
         let figures = find_runs(&args.folders, usize::MAX, now)?
@@ -53,7 +53,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
         return show(&mut View::new(args.folders, colours)?);
     }
-    Ok(Ending::Done)
+    Ok(VerbEnd::Done)
 }
 
 fn print(runs: &[RunFigures]) -> anyhow::Result<()> {

@@ -12,7 +12,7 @@ use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyModifiers};
 
 use super::view::View;
-use crate::output::{Ending, STOPPED};
+use crate::output::{STOPPED, VerbEnd};
 use crate::progress::patient_stop_flag;
 
 /// Shortest time between two redraws, so that they do not queue up on a slow line.
@@ -26,7 +26,7 @@ const SEARCH_INTERVAL: Duration = Duration::from_secs(10);
 const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Shows `view` until the user quits it, or Ctrl-C, SIGTERM or the end of the terminal stops it.
-pub fn show(view: &mut View) -> anyhow::Result<Ending> {
+pub fn show(view: &mut View) -> anyhow::Result<VerbEnd> {
     // Read once before the screen changes, so that errors stay visible in the terminal.
     view.read()?;
     let stop = patient_stop_flag()?;
@@ -39,11 +39,11 @@ pub fn show(view: &mut View) -> anyhow::Result<Ending> {
     match shown {
         // The terminal is gone: nothing can be drawn and no message can be read.
         shown if stop.load(Ordering::Relaxed) || shown.is_err() && is_gone(&mut stdout()?) => {
-            Ok(Ending::Stopped)
+            Ok(VerbEnd::Stopped)
         }
         shown => {
             shown.context("cannot use this terminal; `etude watch --once` needs none")?;
-            Ok(Ending::Done)
+            Ok(VerbEnd::Done)
         }
     }
 }

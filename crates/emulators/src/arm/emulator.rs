@@ -11,7 +11,7 @@ use etude_robot::xarm::codec::{FEEDBACK, Frame, FrameParser, ReplyState};
 use etude_robot::xarm::kinematics::{self, ARM_JOINTS, PAPER_HOME_DEG, Pose};
 
 use super::lines::Lines;
-use super::motion::Motion;
+use super::motion::JointMotion;
 use super::settings::{Extra, Settings};
 use super::state::{Condition, Connection, ConnectionId, Planned, Receipt, ReportKind, Steering};
 
@@ -50,7 +50,7 @@ pub struct ArmEmulator {
     pub(super) config: ArmEmulatorConfig,
     /// Milliseconds that have passed.
     pub(super) clock: u64,
-    pub(super) motion: Motion,
+    pub(super) motion: JointMotion,
     pub(super) tool_at: Option<nalgebra::Vector3<f64>>,
     pub(super) queue: VecDeque<Planned>,
     pub(super) current: Option<Receipt>,
@@ -77,7 +77,7 @@ impl ArmEmulator {
     pub fn new(config: ArmEmulatorConfig) -> Self {
         Self {
             clock: 0,
-            motion: Motion::new(
+            motion: JointMotion::new(
                 PAPER_HOME_DEG.map(f64::to_radians),
                 config.bandwidth_hz,
                 config.damping_ratio,

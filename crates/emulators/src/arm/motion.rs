@@ -21,7 +21,7 @@ type Joints = [f64; ARM_JOINTS];
 
 /// The joints and what moves them.
 #[derive(Debug)]
-pub(super) struct Motion {
+pub(super) struct JointMotion {
     pub(super) joints: Joints,
     speeds: Joints,
     drive: Drive,
@@ -36,7 +36,7 @@ pub(super) struct Motion {
 #[derive(Clone, Copy, Debug)]
 enum Drive {
     Follow(Joints),
-    Plan(Plan),
+    StraightMove(StraightMove),
     /// Each joint to its target on its own: target, speed, acceleration.
     Seek(Joints, f64, f64),
     /// Each joint at its speed.
@@ -48,7 +48,7 @@ const REST: Drive = Drive::Turn([0.0; ARM_JOINTS]);
 
 /// A move along a straight line in joint space, with a trapezoid of speed.
 #[derive(Clone, Copy, Debug)]
-struct Plan {
+struct StraightMove {
     from: Joints,
     to: Joints,
     /// Share of the way that is done, 0 to 1, and its rate.
@@ -59,7 +59,7 @@ struct Plan {
     slope: f64,
 }
 
-impl Motion {
+impl JointMotion {
     pub(super) fn new(joints: Joints, bandwidth_hz: f64, damping_ratio: Option<f64>) -> Self {
         let bandwidth = bandwidth_hz * 2.0 * PI;
         let (speeds, coming) = ([0.0; ARM_JOINTS], VecDeque::new());
@@ -70,7 +70,7 @@ impl Motion {
     pub(super) fn moving(&self) -> bool {
         let due = match self.drive {
             Drive::Follow(target) => self.joints != target,
-            Drive::Plan(_) | Drive::Seek(..) => true,
+            Drive::StraightMove(_) | Drive::Seek(..) => true,
             Drive::Turn(speeds) => speeds != [0.0; ARM_JOINTS],
         };
         due || !self.coming.is_empty() || self.speeds != [0.0; ARM_JOINTS]
@@ -78,7 +78,7 @@ impl Motion {
 
     /// Whether a planned move is under way.
     pub(super) fn planned(&self) -> bool {
-        matches!(self.drive, Drive::Plan(_) | Drive::Seek(..))
+        matches!(self.drive, Drive::StraightMove(_) | Drive::Seek(..))
     }
 
     /// Speeds of the joints, rad/s.
@@ -90,7 +90,7 @@ impl Motion {
     pub(super) fn aim(&self) -> Joints {
         match (self.coming.back(), self.drive) {
             (Some(&(_, target)), _) | (None, Drive::Follow(target)) => target,
-            (None, Drive::Plan(plan)) => plan.to,
+            (None, Drive::StraightMove(plan)) => plan.to,
             (None, Drive::Seek(target, ..)) => target,
             (None, Drive::Turn(_)) => self.joints,
         }
@@ -114,7 +114,8 @@ impl Motion {
     pub(super) fn plan(&mut self, to: Joints, speed: f64, acceleration: f64) {
         let longest = to.iter().zip(&self.joints).map(|(to, from)| (to - from).abs()).fold(1e-9, f64::max);
         let (top, slope) = (speed / longest, acceleration / longest);
-        self.drive = Drive::Plan(Plan { from: self.joints, to, share: 0.0, rate: 0.0, top, slope });
+        self.drive =
+            Drive::StraightMove(StraightMove { from: self.joints, to, share: 0.0, rate: 0.0, top, slope });
     }
 
     /// Turns each joint to a target, as it moves now and in place of an earlier target: at most at
@@ -151,10 +152,10 @@ impl Motion {
         }
         let (bandwidth, damping_ratio) = (self.bandwidth, self.damping_ratio);
         match self.drive {
-            Drive::Plan(mut plan) => {
+            Drive::StraightMove(mut plan) => {
                 let before = std::mem::replace(&mut self.joints, plan.step(paused));
                 let ended = plan.share >= 1.0;
-                self.drive = if ended { REST } else { Drive::Plan(plan) };
+                self.drive = if ended { REST } else { Drive::StraightMove(plan) };
                 let speed = |joint: usize| (self.joints[joint] - before[joint]) / STEP_SECS;
                 self.speeds = std::array::from_fn(|joint| if ended { 0.0 } else { speed(joint) });
             }
@@ -213,7 +214,7 @@ impl Motion {
     }
 }
 
-impl Plan {
+impl StraightMove {
     fn step(&mut self, paused: bool) -> Joints {
         let (change, left) = (self.slope * STEP_SECS, 1.0 - self.share);
         let top = if paused { 0.0 } else { self.top.min((2.0 * self.slope * left).sqrt()) };
@@ -235,7 +236,7 @@ mod tests {
 
     #[test]
     fn a_planned_move_arrives_in_the_time_of_its_trapezoid() {
-        let mut motion = Motion::new([0.0; ARM_JOINTS], 8.0, None);
+        let mut motion = JointMotion::new([0.0; ARM_JOINTS], 8.0, None);
         let to = [1.0, -0.5, 0.0, 0.3, 0.0, 0.0, 0.2];
         motion.plan(to, 0.5, 2.0);
         let steps = (1..10_000).find(|&step| {
@@ -250,7 +251,7 @@ mod tests {
 
     #[test]
     fn it_holds_at_the_last_target() {
-        let mut motion = Motion::new([0.0; ARM_JOINTS], 8.0, None);
+        let mut motion = JointMotion::new([0.0; ARM_JOINTS], 8.0, None);
         motion.follow(20, [0.3; ARM_JOINTS]);
         (0..20).for_each(|step| motion.step(step, false));
         assert_eq!(motion.joints, [0.0; ARM_JOINTS]);
@@ -263,7 +264,7 @@ mod tests {
     #[test]
     fn an_arm_with_a_damping_ratio_overshoots_and_lags_as_its_numbers_say() {
         for (hertz, ratio) in [(5.0, 0.5), (8.0, 0.7), (4.0, 0.8)] {
-            let mut motion = Motion::new([0.0; ARM_JOINTS], hertz, Some(ratio));
+            let mut motion = JointMotion::new([0.0; ARM_JOINTS], hertz, Some(ratio));
             motion.follow(0, [1e-3; ARM_JOINTS]);
             let farthest = (0..1000).fold(0.0_f64, |most, step| {
                 motion.step(step, false);
@@ -273,7 +274,7 @@ mod tests {
             assert!((farthest / 1e-3 - 1.0 - overshoot).abs() < 0.02, "{hertz} Hz, {ratio}: {farthest}");
             assert_eq!(motion.joints, [1e-3; ARM_JOINTS], "it comes to rest");
 
-            let mut motion = Motion::new([0.0; ARM_JOINTS], hertz, Some(ratio));
+            let mut motion = JointMotion::new([0.0; ARM_JOINTS], hertz, Some(ratio));
             let speed = 0.4;
             for step in 0..1500 {
                 motion.follow(step, [speed * step as f64 * STEP_SECS; ARM_JOINTS]);
@@ -292,7 +293,7 @@ mod tests {
             stop_after in 1..2000_u64,
             ratio in prop::option::of(0.3..1.5),
         ) {
-            let mut motion = Motion::new([0.0; ARM_JOINTS], 8.0, ratio);
+            let mut motion = JointMotion::new([0.0; ARM_JOINTS], 8.0, ratio);
             for (index, target) in targets.iter().enumerate() {
                 motion.follow(index as u64 * 50, *target);
             }

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use etude_perform::Job;
 
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 
 mod error;
 mod pass;
@@ -33,7 +33,7 @@ pub use uncertainty::Identified;
 /// If there is nothing to fit, a value makes no sense, or a file cannot be read or written;
 /// [`IdentifyError::Interrupted`] when the job is interrupted.
 pub fn identify(
-    motions: &[Motion],
+    motions: &[RecordedMotion],
     config: &IdentifyConfig,
     state: &Path,
     job: &mut Job<'_, Progress>,
@@ -41,7 +41,7 @@ pub fn identify(
     let setup = setup::Setup::new(motions, config)?;
     let mut saved = state::State::open(motions, &setup.before, config, state)?;
     let air = motions.iter().any(|motion| motion.keys.is_empty());
-    let keys = motions.iter().any(Motion::plays_keys);
+    let keys = motions.iter().any(RecordedMotion::plays_keys);
     while let Some(pass) = pass::next(&saved.ended, &config.method, air, keys) {
         if pass == Pass::Contact {
             setup.measure(&mut saved.params);

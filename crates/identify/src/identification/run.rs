@@ -15,7 +15,7 @@ use super::state::State;
 use crate::fit::Fit;
 use crate::group::Group;
 use crate::method::Candidate;
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 
 /// Progress of a pass.
 #[derive(Clone, Debug)]
@@ -114,7 +114,7 @@ fn fits(
     state: &State,
     pass: Pass,
     starts: &PhysicalParams,
-    motions: &[Motion],
+    motions: &[RecordedMotion],
 ) -> Result<Vec<(Group, Fit)>, IdentifyError> {
     let mut fits = Vec::new();
     for (index, group) in pass.groups().into_iter().enumerate() {

@@ -10,7 +10,7 @@ use super::state::IdentifyConfig;
 use crate::error::FitError;
 use crate::group::Group;
 use crate::method::Candidate;
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 use crate::parameter_bounds::{contact_parameters, follow_stiffness, joint_parameters, start};
 use crate::presses::{self, Measured};
 use crate::problem::{Evaluation, Problem};
@@ -19,7 +19,7 @@ use crate::space::Parameter;
 
 /// Motions of one rig and the simulation that replays them.
 pub(super) struct Setup<'a> {
-    pub motions: &'a [Motion],
+    pub motions: &'a [RecordedMotion],
     pub world: StageConfig,
     /// The parameters at the start.
     pub before: PhysicalParams,
@@ -40,7 +40,7 @@ pub(super) struct Batch<'a> {
 }
 
 impl<'a> Setup<'a> {
-    pub fn new(motions: &'a [Motion], config: &IdentifyConfig) -> Result<Self, IdentifyError> {
+    pub fn new(motions: &'a [RecordedMotion], config: &IdentifyConfig) -> Result<Self, IdentifyError> {
         let first = motions.first().ok_or(IdentifyError::Nothing)?;
         let world = StageConfig { side: first.side(), ..StageConfig::default() };
         let before = start(&first.rig).with(&config.start)?;
@@ -50,8 +50,9 @@ impl<'a> Setup<'a> {
 
     /// Motions that play keys (`keys`), which the keyboard is fitted to, or those that touch none,
     /// which the drives are fitted to.
-    pub fn motions(&self, keys: bool) -> Vec<Motion> {
-        let is_one = |motion: &&Motion| if keys { motion.plays_keys() } else { motion.keys.is_empty() };
+    pub fn motions(&self, keys: bool) -> Vec<RecordedMotion> {
+        let is_one =
+            |motion: &&RecordedMotion| if keys { motion.plays_keys() } else { motion.keys.is_empty() };
         self.motions.iter().filter(is_one).cloned().collect()
     }
 
@@ -64,7 +65,7 @@ impl<'a> Setup<'a> {
 
     /// The parameters that a group estimates, with bounds around their values before the first
     /// pass.
-    pub fn parameters(&self, group: &Group, motions: &[Motion]) -> Vec<Parameter> {
+    pub fn parameters(&self, group: &Group, motions: &[RecordedMotion]) -> Vec<Parameter> {
         if group.keys {
             let mut parameters = contact_parameters(&self.before);
             parameters.retain(|parameter| !self.measured.contains(&parameter.path));
@@ -96,7 +97,7 @@ impl<'a> Setup<'a> {
         params: &PhysicalParams,
         before: &PhysicalParams,
         batches: &[Batch<'_>],
-        motions: &[Motion],
+        motions: &[RecordedMotion],
         keys: bool,
         interrupt: &AtomicBool,
     ) -> Result<Vec<Vec<Evaluation>>, IdentifyError> {
@@ -112,7 +113,7 @@ impl<'a> Setup<'a> {
         };
         let count = batches.iter().map(|batch| batch.candidates.len()).max().unwrap_or(0);
         let simulations: Vec<PhysicalParams> = (0..count).map(simulation).collect();
-        let is_used = |motion: &Motion| {
+        let is_used = |motion: &RecordedMotion| {
             batches.iter().any(|batch| !batch.candidates.is_empty() && batch.group.uses(motion))
         };
         let traces = self.replay(&simulations, motions, is_used, keys, interrupt)?;
@@ -130,8 +131,8 @@ impl<'a> Setup<'a> {
     pub fn replay(
         &self,
         worlds: &[PhysicalParams],
-        motions: &[Motion],
-        wanted: impl Fn(&Motion) -> bool,
+        motions: &[RecordedMotion],
+        wanted: impl Fn(&RecordedMotion) -> bool,
         keys: bool,
         interrupt: &AtomicBool,
     ) -> Result<Vec<Traces>, IdentifyError> {

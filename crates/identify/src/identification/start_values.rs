@@ -7,7 +7,7 @@ use etude_stage::{DRIVEN_JOINTS, PhysicalParams};
 
 use super::error::IdentifyError;
 use super::setup::Setup;
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 use crate::replay::Trace;
 
 /// How far beyond its kink a jerk limit is restarted, as a factor.
@@ -21,7 +21,7 @@ const MAX_DELAY_STEPS: usize = 6;
 pub(super) fn find_delays(
     setup: &Setup<'_>,
     params: &mut PhysicalParams,
-    motions: &[Motion],
+    motions: &[RecordedMotion],
     interrupt: &AtomicBool,
 ) -> Result<(), IdentifyError> {
     let worlds: Vec<PhysicalParams> = (0..=MAX_DELAY_STEPS)

@@ -12,7 +12,7 @@ use super::pass::{Pass, PassEnd};
 use crate::config::MethodConfig;
 use crate::fit::Fit;
 use crate::group::Group;
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 use crate::parameter_bounds::joint_parameters;
 
 /// How to identify.
@@ -52,13 +52,14 @@ impl State {
     /// The state in `file`, or a new one if there is none or the file is of another identification
     /// that has ended.
     pub fn open(
-        motions: &[Motion],
+        motions: &[RecordedMotion],
         before: &PhysicalParams,
         config: &IdentifyConfig,
         file: &Path,
     ) -> Result<Self, IdentifyError> {
-        let mark =
-            |motion: &Motion| (motion.path.display().to_string(), motion.commands.steps(), motion.start);
+        let mark = |motion: &RecordedMotion| {
+            (motion.path.display().to_string(), motion.commands.steps(), motion.start)
+        };
         let rows = (0..DRIVEN_JOINTS).flat_map(|joint| joint_parameters(joint, before));
         let fresh = Self {
             config: config.clone(),

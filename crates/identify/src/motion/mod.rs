@@ -28,7 +28,7 @@ const MIN_MOTION: [f64; 2] = [0.02, 0.005];
 
 /// A recording.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
+pub struct RecordedMotion {
     /// Its file.
     pub path: PathBuf,
     /// The rig.
@@ -71,7 +71,7 @@ pub enum MotionError {
     },
 }
 
-impl Motion {
+impl RecordedMotion {
     /// Reads recordings of one rig.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use etude_stage::params::JointRow;
 use etude_stage::{PhysicalParams, RAIL, Side, kinematics};
 use nalgebra::Matrix3x2;
 
-use crate::motion::{Commands, Motion};
+use crate::motion::{Commands, RecordedMotion};
 use crate::parameter_bounds::FIRST_BEND;
 
 /// A press farther than this from the middle of a key is one beside its gap, m.
@@ -18,7 +18,7 @@ const STEP_RAD: f64 = 1e-6;
 
 /// A motion of a hand.
 pub(super) struct Hand<'a> {
-    pub motion: &'a Motion,
+    pub motion: &'a RecordedMotion,
     pub params: &'a PhysicalParams,
     pub side: Side,
     /// How far toward the player the keyboard is, m.

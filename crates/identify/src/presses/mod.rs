@@ -16,7 +16,7 @@ use etude_stage::hand::FINGERS;
 use etude_stage::params::WorldRow;
 use nalgebra::{Matrix2, Matrix3x2};
 
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 use crate::parameter_bounds::FIRST_BEND;
 
 mod depth;
@@ -40,7 +40,7 @@ const FORCE_ERROR: f64 = 0.05;
 
 /// Measures the keyboard by the slow presses among `motions`. `params` has the scale of torque of
 /// the drives. Empty if there are too few presses.
-pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
+pub fn measure(motions: &[RecordedMotion], params: &PhysicalParams) -> Vec<Measured> {
     let hands = |depth: f64| -> Vec<Hand<'_>> {
         let slow = motions.iter().filter(|motion| motion.presses_keys());
         slow.map(|motion| Hand { motion, params, side: motion.side(), depth }).collect()
@@ -118,8 +118,8 @@ fn biases(finger: usize, jacobian: &Matrix3x2<f64>, up: Sample, ahead: Option<Sa
 }
 
 /// What slow presses showed, in a sentence; none if no motion presses keys slowly.
-pub fn describe(motions: &[Motion], measured: &[Measured]) -> Option<String> {
-    motions.iter().any(Motion::presses_keys).then(|| {
+pub fn describe(motions: &[RecordedMotion], measured: &[Measured]) -> Option<String> {
+    motions.iter().any(RecordedMotion::presses_keys).then(|| {
         let value = |quantity: WorldRow| {
             let one = measured.iter().find(|one| one.path == quantity.row().name)?;
             Some(one.value)

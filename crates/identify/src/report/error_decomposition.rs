@@ -10,7 +10,7 @@
 use etude_stage::RAIL;
 use nalgebra::{Matrix4, Vector4};
 
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 use crate::replay::Trace;
 
 /// Regressors: direction, velocity, acceleration.
@@ -53,7 +53,7 @@ pub(super) struct ErrorDecomposition {
 }
 
 /// Readings of a joint and its simulation.
-pub(super) fn samples(motion: &Motion, trace: &Trace, joint: usize) -> Vec<Sample> {
+pub(super) fn samples(motion: &RecordedMotion, trace: &Trace, joint: usize) -> Vec<Sample> {
     let stands = STANDSTILL[usize::from(joint == RAIL)];
     let mut direction = 0.0;
     let sample = |(secs, measured): (f64, f64)| {

@@ -4,15 +4,15 @@ use etude_stage::{PhysicalParams, StageError};
 
 use crate::assessment::{Assessment, Replayed, replay_both};
 use crate::identification::{Identified, IdentifyConfig};
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 
 /// What a report is made from.
 #[derive(Clone, Copy, Debug)]
 pub struct ReportInput<'a> {
     /// Motions that were fitted.
-    pub fitted: &'a [Motion],
+    pub fitted: &'a [RecordedMotion],
     /// Motions that were not fitted; may be empty.
-    pub held_out: &'a [Motion],
+    pub held_out: &'a [RecordedMotion],
     /// How the parameters were identified.
     pub config: &'a IdentifyConfig,
     /// Parameters before the fit.

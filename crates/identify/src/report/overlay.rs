@@ -5,7 +5,7 @@ use etude_stage::{JOINT_NAMES, RAIL};
 use super::document::{Curve, Figure};
 use super::number::{milli_unit, number};
 use crate::assessment::Replayed;
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 
 /// Length of a figure, s.
 const SECS: f64 = 2.0;
@@ -52,7 +52,7 @@ pub(super) fn overlay(joint: usize, replayed: &[Replayed<'_>]) -> Option<Figure>
 }
 
 /// How far a joint moves in the stretch in which it moves farthest, and when that begins, s.
-fn busiest(motion: &Motion, joint: usize) -> (f64, f64) {
+fn busiest(motion: &RecordedMotion, joint: usize) -> (f64, f64) {
     let mut thinned: Vec<(f64, f64)> = Vec::new();
     for (secs, value) in motion.readings(joint) {
         if thinned.last().is_none_or(|(last, _)| secs - last >= BIN_SECS) {

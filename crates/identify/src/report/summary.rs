@@ -8,7 +8,7 @@ use super::number::{about, milli, number};
 use super::remaining_error::{self, RemainingError};
 use crate::config::MethodConfig;
 use crate::gravity_compensation::fit_gravity_compensation;
-use crate::motion::Motion;
+use crate::motion::RecordedMotion;
 use crate::presses;
 
 /// The result in a few sentences.
@@ -80,7 +80,7 @@ pub(super) fn what_was_fitted(input: &ReportInput<'_>) -> Vec<String> {
         0 => "the defaults".to_string(),
         count => format!("{count} given values and the defaults"),
     };
-    let recording = |motion: &Motion, use_of: &str| {
+    let recording = |motion: &RecordedMotion, use_of: &str| {
         vec![
             motion.path.display().to_string(),
             motion.mode.clone(),

@@ -12,7 +12,7 @@ use crate::assessment::{Assessment, Replayed};
 use crate::config::{LmConfig, MethodConfig};
 use crate::estimate::{BlockStatistics, Bound, Estimate, ParameterEstimate, WeakDirection};
 use crate::identification::{Identified, IdentifyConfig, Pass, PassEnd};
-use crate::motion::{Commands, Motion};
+use crate::motion::{Commands, RecordedMotion};
 use crate::replay::{Replayer, Trace};
 
 /// A file name with markup and a control character.
@@ -21,8 +21,8 @@ const HOSTILE: &str = "/tmp/a<b&\"c'><script>alert(1)</script>\u{1b}.mcap";
 const STEPS: usize = 60;
 
 struct Case {
-    fitted: Vec<Motion>,
-    held_out: Vec<Motion>,
+    fitted: Vec<RecordedMotion>,
+    held_out: Vec<RecordedMotion>,
     config: IdentifyConfig,
     before: PhysicalParams,
     after: PhysicalParams,
@@ -31,13 +31,13 @@ struct Case {
 
 /// All joints swing. The robot is the simulator with the parameters `expected`, two milliradians
 /// behind.
-fn motion(path: &str, expected: &PhysicalParams) -> Motion {
+fn motion(path: &str, expected: &PhysicalParams) -> RecordedMotion {
     let swing = |step: usize, joint: usize| {
         let reach = if joint == RAIL { 0.03 } else { 0.12 };
         reach * (step as f64 * (0.2 + 0.01 * joint as f64)).sin()
     };
     let targets = (0..STEPS).map(|step| std::array::from_fn(|joint| swing(step, joint))).collect();
-    let mut motion = Motion {
+    let mut motion = RecordedMotion {
         path: PathBuf::from(path),
         rig: etude_robot::rig_file::RigConfig::default(),
         rig_label: "lab".to_string(),
@@ -63,7 +63,7 @@ fn motion(path: &str, expected: &PhysicalParams) -> Motion {
     motion
 }
 
-fn replay_one(params: &PhysicalParams, motion: &Motion) -> Trace {
+fn replay_one(params: &PhysicalParams, motion: &RecordedMotion) -> Trace {
     Replayer::new(&StageConfig::default()).unwrap().replay(params, motion, false).unwrap()
 }
 
@@ -340,13 +340,15 @@ fn a_motion_of_the_rail_alone() {
 
 #[test]
 fn the_drawing_is_of_the_stretch_with_the_most_motion() {
-    let still =
-        Motion { commands: Commands::Targets(vec![[0.0; DRIVEN_JOINTS]; 160]), ..case().held_out.remove(0) };
+    let still = RecordedMotion {
+        commands: Commands::Targets(vec![[0.0; DRIVEN_JOINTS]; 160]),
+        ..case().held_out.remove(0)
+    };
     let with_swing = |path: &str, reach: f64| {
         let at =
             |secs: f64| if (3.0..5.0).contains(&secs) { reach * (6.0 * (secs - 3.0)).sin() } else { 0.0 };
         let times = (1..2400).map(|i| f64::from(i) / 300.0);
-        Motion {
+        RecordedMotion {
             path: PathBuf::from(path),
             fingers: times.map(|secs| (secs, [at(secs); RAIL])).collect(),
             ..still.clone()

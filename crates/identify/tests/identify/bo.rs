@@ -1,6 +1,6 @@
 //! Bayesian optimisation on the field's usual function, and its limits.
 
-use etude_identify::{BoConfig, Fit, MethodConfig, Reason};
+use etude_identify::{BoConfig, Fit, MethodConfig, StopReason};
 
 use crate::problems::{evaluate, fitted, problem};
 
@@ -22,7 +22,7 @@ fn branins_least_cost_is_found_in_forty_evaluations() {
         let config = BoConfig { max_evaluations: 40 };
         let (fit, reason) = fitted(&problem, &MethodConfig::Bo(config), seed, &branin);
         println!("{seed}: {:?}", fit.best());
-        assert_eq!((reason, fit.evaluations()), (Reason::Budget, 40));
+        assert_eq!((reason, fit.evaluations()), (StopReason::Budget, 40));
         assert!(fit.best().unwrap().cost < LEAST + 0.01, "{seed}: {:?}", fit.best());
     }
 }
@@ -66,5 +66,5 @@ fn a_fit_without_any_successful_evaluation_ends() {
         let failed = vec![Some(vec![f64::NAN]); fit.ask().len()];
         fit.tell(&failed).unwrap();
     }
-    assert_eq!(fit.finished(), Some(Reason::Failures));
+    assert_eq!(fit.finished(), Some(StopReason::Failures));
 }

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use etude_identify::{
-    Block, Differences, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Reason, Space,
+    Block, Differences, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Space, StopReason,
 };
 
 use crate::problems::{estimated, evaluate, fitted, oscillate, problem, run};
@@ -174,7 +174,7 @@ fn failures_near_the_optimum_and_before_it_do_not_end_the_fit() {
 fn a_start_that_fails_ends_the_fit() {
     let mut fit = Fit::new(problem(&[[0.0, 1.0]], &[0.5], 1), &lm(), 0).unwrap();
     fit.tell(&[None]).unwrap();
-    assert_eq!(fit.finished(), Some(Reason::Failures));
+    assert_eq!(fit.finished(), Some(StopReason::Failures));
     assert!(fit.ask().is_empty() && fit.tell(&[]).is_err());
 }
 
@@ -195,6 +195,6 @@ fn the_budget_ends_a_fit_after_the_batch_under_way() {
     };
     let config = LmConfig { max_evaluations: 5, ..LmConfig::default() };
     let mut fit = Fit::new(joints(false), &MethodConfig::Lm(config), 0).unwrap();
-    assert_eq!(run(&mut fit, &residuals), Reason::Budget);
+    assert_eq!(run(&mut fit, &residuals), StopReason::Budget);
     assert_eq!((fit.evaluations(), calls.get()), (41, 41));
 }

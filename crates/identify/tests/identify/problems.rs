@@ -2,7 +2,7 @@
 
 use etude_identify::{
     Block, Candidate, Estimate, Evaluation, Fit, JacobianPlan, Linearisation, Loss, MethodConfig, Parameter,
-    Problem, Reason, Space,
+    Problem, Space, StopReason,
 };
 
 /// Residuals of a candidate's physical values.
@@ -22,7 +22,7 @@ pub fn evaluate(candidates: &[Candidate], residuals: &Residuals<'_>) -> Vec<Eval
 }
 
 /// Runs a fit to its end.
-pub fn run(fit: &mut Fit, residuals: &Residuals<'_>) -> Reason {
+pub fn run(fit: &mut Fit, residuals: &Residuals<'_>) -> StopReason {
     while fit.finished().is_none() {
         let evaluations = evaluate(&fit.ask(), residuals);
         fit.tell(&evaluations).unwrap();
@@ -36,7 +36,7 @@ pub fn fitted(
     method: &MethodConfig,
     seed: u64,
     residuals: &Residuals<'_>,
-) -> (Fit, Reason) {
+) -> (Fit, StopReason) {
     let mut fit = Fit::new(problem.clone(), method, seed).unwrap();
     let reason = run(&mut fit, residuals);
     (fit, reason)

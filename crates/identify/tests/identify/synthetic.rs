@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use etude_identify::{
-    Assessment, Commands, IdentifyConfig, LmConfig, MethodConfig, Motion, ParameterEstimate, PassEnd,
+    Assessment, Commands, IdentifyConfig, LmConfig, MethodConfig, ParameterEstimate, PassEnd, RecordedMotion,
     Replayer, identify,
 };
 use etude_perform::{Excitation, Job, shaping_params};
@@ -60,7 +60,7 @@ fn recorded(
     joints: &[usize],
     (excitation, part): (Excitation, usize),
     seed: u64,
-) -> Result<Motion, Error> {
+) -> Result<RecordedMotion, Error> {
     let mut random = Pcg64::seed_from_u64(seed);
     let all = excitation.targets(Side::Left);
     let count = all.len() / 3;
@@ -70,7 +70,7 @@ fn recorded(
         *row = std::array::from_fn(|joint| if joints.contains(&joint) { row[joint] } else { still[joint] });
     }
     let noise: [f64; DRIVEN_JOINTS] = std::array::from_fn(|joint| NOISE[usize::from(joint == RAIL)]);
-    let mut motion = Motion {
+    let mut motion = RecordedMotion {
         path: PathBuf::from(format!("synthetic-{seed}")),
         rig: RigConfig::default(),
         rig_label: "synthetic".to_string(),
@@ -159,7 +159,7 @@ pub fn recover_as(
     let parts = [(Excitation::OpenClose, 1), (Excitation::Chirp, 2), (Excitation::Rail, 1)];
     let told =
         |(excitation, _): &(Excitation, usize)| *excitation != Excitation::Rail || joints.contains(&RAIL);
-    let motions: Vec<Motion> = parts
+    let motions: Vec<RecordedMotion> = parts
         .into_iter()
         .filter(told)
         .enumerate()

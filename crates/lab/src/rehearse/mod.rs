@@ -18,7 +18,7 @@ mod iteration;
 
 use std::path::{Path, PathBuf};
 
-use etude_identify::{Motion, MotionError, Progress};
+use etude_identify::{MotionError, Progress, RecordedMotion};
 use etude_music::Song;
 use etude_perform::session::RigChoice;
 use etude_perform::{Excitation, Job};
@@ -164,7 +164,7 @@ impl Rehearsal<'_> {
         for path in &before.recordings {
             // A recording may mislead the fit: a policy at the start of its training pushes against
             // the joints' stops.
-            match Motion::load(path) {
+            match RecordedMotion::load(path) {
                 Err(MotionError::Unsuitable { path, why }) => {
                     job.report(&RehearsalStep::LeftOut { recording: path, why });
                 }

@@ -19,7 +19,7 @@ fn order(path: &Path) -> Vec<String> {
         let message = message.unwrap();
         let value: serde_json::Value = serde_json::from_slice(&message.data).unwrap();
         let line = match message.channel.topic.as_str() {
-            "/note" => format!("{} {}", value["kind"].as_str().unwrap(), value["text"].as_str().unwrap()),
+            "/event" => format!("{} {}", value["kind"].as_str().unwrap(), value["text"].as_str().unwrap()),
             "/hand" => {
                 let none = |of: &str| {
                     value[of].as_array().unwrap().iter().all(|number| number.as_f64() == Some(0.0))

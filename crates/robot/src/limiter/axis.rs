@@ -1,8 +1,8 @@
 //! The set-point of one joint, which moves on the grid toward its targets.
 
+use super::axis_state::{AxisState, ROUNDING};
 use super::clamp::Clamp;
 use super::limits::AxisLimits;
-use super::motion::{Motion, ROUNDING};
 
 /// Steps of the search for the best admissible acceleration: 2⁻²⁰ of what the jerk allows in one
 /// step is far below what a device resolves.
@@ -13,7 +13,7 @@ const SEARCH: usize = 20;
 pub struct Axis {
     limits: AxisLimits,
     step_secs: f64,
-    state: Motion,
+    state: AxisState,
     /// The last three targets, newest first: they distinguish a moving target from one that jumped.
     targets: [f64; 3],
 }
@@ -22,7 +22,7 @@ impl Axis {
     /// An axis at rest at `position` (moved into the range), whose set-point is computed every
     /// `step_secs`.
     pub fn at_rest(limits: AxisLimits, step_secs: f64, position: f64) -> Self {
-        let mut axis = Self { limits, step_secs, state: Motion::default(), targets: [0.0; 3] };
+        let mut axis = Self { limits, step_secs, state: AxisState::default(), targets: [0.0; 3] };
         axis.rest(position);
         axis
     }
@@ -32,7 +32,7 @@ impl Axis {
     pub fn rest(&mut self, position: f64) {
         let [low, high] = self.limits.position;
         let position = if position.is_nan() { (low + high) / 2.0 } else { position.clamp(low, high) };
-        self.state = Motion { position, ..Motion::default() };
+        self.state = AxisState { position, ..AxisState::default() };
         self.targets = [position; 3];
     }
 
@@ -43,7 +43,7 @@ impl Axis {
         if secs > 0.0 {
             let left = self.state.velocity.abs() - self.limits.acceleration * secs;
             let velocity = left.max(0.0).copysign(self.state.velocity);
-            self.state = Motion { velocity, acceleration: 0.0, ..self.state };
+            self.state = AxisState { velocity, acceleration: 0.0, ..self.state };
         } else if !has_changed {
             return;
         }
@@ -120,7 +120,7 @@ impl Axis {
 
     /// The viable state nearest to one that catches up with the target as fast as possible without
     /// passing it.
-    fn toward(&self, target: f64) -> Motion {
+    fn toward(&self, target: f64) -> AxisState {
         let dt = self.step_secs;
         let ramp = self.limits.jerk * dt;
         let most = self.limits.acceleration;
@@ -141,8 +141,8 @@ impl Axis {
     }
 
     /// Whether braking from `next` passes `target`, seen from a target that moves on as it did.
-    fn passes(&self, target: f64, next: Motion) -> bool {
-        let relative = Motion { velocity: next.velocity - self.target_velocity(), ..next };
+    fn passes(&self, target: f64, next: AxisState) -> bool {
+        let relative = AxisState { velocity: next.velocity - self.target_velocity(), ..next };
         let direction = (target - self.state.position).signum();
         let slack = (target.abs() + 1.0) * ROUNDING;
         relative

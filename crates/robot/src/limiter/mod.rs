@@ -13,9 +13,9 @@
 //! them by definition, so there is always one.
 
 mod axis;
+mod axis_state;
 mod clamp;
 mod limits;
-mod motion;
 
 pub use axis::Axis;
 pub use clamp::Clamp;

@@ -73,7 +73,7 @@ use axes::driven;
 use following_error::{FollowingError, farthest};
 use homing_plan::check_box;
 use keyboard_input::KeyboardInput;
-use motion::Motion;
+use motion::MotionSource;
 use plausibility::PlausibilityChecks;
 use rail_arm::RailArm;
 use set_points::SetPoints;
@@ -91,7 +91,7 @@ pub struct Robot {
     rail_arm: RailArm,
     keyboard: KeyboardInput,
     set_points: SetPoints,
-    motion: Motion,
+    motion: MotionSource,
     following_error: FollowingError,
     plausibility: PlausibilityChecks,
     stalls: StallMonitor,
@@ -121,7 +121,7 @@ impl Robot {
             rail_arm: RailArm::new(config, path)?,
             keyboard: KeyboardInput::new(config)?,
             set_points: SetPoints::new(&config.axes()),
-            motion: Motion::default(),
+            motion: MotionSource::default(),
             following_error: FollowingError::default(),
             plausibility: PlausibilityChecks::default(),
             stalls: StallMonitor::default(),

@@ -12,12 +12,12 @@ use crate::joints::DRIVEN;
 
 /// The plan or the trajectory that is under way.
 #[derive(Debug, Default)]
-pub(super) struct Motion {
+pub(super) struct MotionSource {
     pub plan: Option<HomingPlan>,
     trajectory: Option<Trajectory>,
 }
 
-impl Motion {
+impl MotionSource {
     /// Ends both.
     pub fn clear(&mut self) {
         *self = Self::default();

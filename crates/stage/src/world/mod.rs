@@ -129,7 +129,7 @@ impl World {
         for joint in 0..DRIVEN_JOINTS {
             self.gains[joint] = ControllerConstants::new(params, joint, self.config.actuation, step);
         }
-        self.key_down_gains = self.gains[RAIL].slower(value(WorldRow::KeyDownSpeed));
+        self.key_down_gains = self.gains[RAIL].slower(value(WorldRow::KeyDownVelocity));
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         model.body_pos_mut()[self.layout.keyboard] = keyboard_place(params);

@@ -22,7 +22,7 @@ use planner::{FingeringPlanner, OnsetState};
 pub use poses::{FingerAngles, Poses};
 use rail_model::RailModel;
 pub use strokes::Strokes;
-pub use unplayed_notes::{Reason, UnplayedNote, UnplayedNotes};
+pub use unplayed_notes::{UnplayedNote, UnplayedNotes, UnplayedReason};
 
 /// The fingering of a song.
 #[derive(Clone, Debug, PartialEq)]

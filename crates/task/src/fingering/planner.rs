@@ -15,7 +15,7 @@ use etude_stage::geometry::HALF_WIDTH;
 use super::hand_reach::{HandReach, LATERAL_REACH_M, TURN_FIRST_M};
 use super::rail_model::RailModel;
 use super::strokes::{Onset, Stroke, Strokes};
-use super::unplayed_notes::{Reason, UnplayedNote, UnplayedNotes};
+use super::unplayed_notes::{UnplayedNote, UnplayedNotes, UnplayedReason};
 
 /// Smallest distance of two neighbouring fingers that press at once, m: the width of a finger's
 /// links.
@@ -281,10 +281,10 @@ impl<'a> FingeringPlanner<'a> {
     }
 
     /// Why a stroke of an onset is played by no finger, where others are as `played`.
-    fn why_skipped(&self, stroke: &Stroke, onset: &Onset, played: &[PlannedNote]) -> Reason {
+    fn why_skipped(&self, stroke: &Stroke, onset: &Onset, played: &[PlannedNote]) -> UnplayedReason {
         let all = onset.sounding.len();
         if all > FINGERS {
-            return Reason::TooManyKeys;
+            return UnplayedReason::TooManyKeys;
         }
         let together = self.hands(&onset.sounding).iter().any(|hand| {
             let [low, high] = self.rail_interval(hand);
@@ -292,10 +292,10 @@ impl<'a> FingeringPlanner<'a> {
         });
         let nearest = played.iter().min_by_key(|note| note.start.abs_diff(stroke.start));
         match nearest.filter(|note| together && note.key != stroke.key) {
-            None => Reason::OutOfReach,
+            None => UnplayedReason::OutOfReach,
             Some(note) => {
                 let [from, to] = [note.key, stroke.key].map(|key| self.reach.over(key)[1]);
-                Reason::TooFar(note.key, (from - to).abs())
+                UnplayedReason::TooFar(note.key, (from - to).abs())
             }
         }
     }
@@ -325,9 +325,9 @@ impl<'a> FingeringPlanner<'a> {
                 };
                 let needed = rail_steps.max(finger_steps[finger]);
                 let kind = match needed {
-                    0 => Reason::HandNeeded,
-                    _ if rail_steps >= finger_steps[finger] => Reason::RailTooSlow(travel),
-                    _ => Reason::FingerBusy,
+                    0 => UnplayedReason::HandNeeded,
+                    _ if rail_steps >= finger_steps[finger] => UnplayedReason::RailTooSlow(travel),
+                    _ => UnplayedReason::FingerBusy,
                 };
                 let end = note.end.min(step.saturating_sub(needed)).max(note.start + 1);
                 if end < note.end {
@@ -381,6 +381,6 @@ pub struct PlannedNote {
     /// Its MIDI velocity.
     pub velocity: u8,
     /// Why it ends early, if it does.
-    pub cut: Option<Reason>,
+    pub cut: Option<UnplayedReason>,
     pub(super) stroke: usize,
 }

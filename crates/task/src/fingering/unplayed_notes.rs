@@ -8,7 +8,7 @@ use super::rail_model::CONTROL_SECS;
 
 /// Why something is not played as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reason {
+pub enum UnplayedReason {
     /// More keys at once than fingers: the note is omitted.
     TooManyKeys,
     /// No position of the hand reaches these keys together, or none in time: the note is omitted.
@@ -24,7 +24,7 @@ pub enum Reason {
     FingerBusy,
 }
 
-impl Reason {
+impl UnplayedReason {
     /// Whether the note is omitted.
     fn omits(self) -> bool {
         matches!(self, Self::TooManyKeys | Self::OutOfReach | Self::TooFar(..))
@@ -35,7 +35,7 @@ impl Reason {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnplayedNote {
     /// Why.
-    pub reason: Reason,
+    pub reason: UnplayedReason,
     /// The key (0 is the lowest C).
     pub key: usize,
     /// Control step at which the note should begin.
@@ -71,11 +71,11 @@ impl UnplayedNotes {
         let reasons = [
             (count(UnplayedNote::is_leap), "because the hand cannot be there in time"),
             (
-                count(|note| note.reason == Reason::TooManyKeys),
+                count(|note| note.reason == UnplayedReason::TooManyKeys),
                 "because more keys sound at once than there are fingers",
             ),
             (
-                count(|note| note.reason == Reason::OutOfReach),
+                count(|note| note.reason == UnplayedReason::OutOfReach),
                 "because the fingers do not reach them with the keys around them",
             ),
         ];
@@ -109,30 +109,30 @@ impl UnplayedNote {
 
     /// Whether the hand has too far to go for the time.
     pub fn is_leap(&self) -> bool {
-        matches!(self.reason, Reason::TooFar(..) | Reason::RailTooSlow(_))
+        matches!(self.reason, UnplayedReason::TooFar(..) | UnplayedReason::RailTooSlow(_))
     }
 
     /// Whether the note is omitted because the fingers are too few for its chord, or do not reach
     /// it.
     pub fn is_chord(&self) -> bool {
-        matches!(self.reason, Reason::TooManyKeys | Reason::OutOfReach)
+        matches!(self.reason, UnplayedReason::TooManyKeys | UnplayedReason::OutOfReach)
     }
 
     /// What happens to the note, and why.
     pub fn what(&self) -> String {
         let early = self.lost_steps as f64 * CONTROL_SECS;
         match self.reason {
-            Reason::TooManyKeys => "is omitted: more keys than fingers".to_string(),
-            Reason::OutOfReach => "is omitted: out of reach with the keys around it".to_string(),
-            Reason::TooFar(key, metres) => {
+            UnplayedReason::TooManyKeys => "is omitted: more keys than fingers".to_string(),
+            UnplayedReason::OutOfReach => "is omitted: out of reach with the keys around it".to_string(),
+            UnplayedReason::TooFar(key, metres) => {
                 let other = pitch_name(LOWEST_PITCH + key as u8);
                 format!("is omitted: {:.0} mm from {other}, too far for the time", metres * 1e3)
             }
-            Reason::HandNeeded => format!("is {early:.2} s shorter: a later note needs the hand"),
-            Reason::RailTooSlow(travel) => {
+            UnplayedReason::HandNeeded => format!("is {early:.2} s shorter: a later note needs the hand"),
+            UnplayedReason::RailTooSlow(travel) => {
                 format!("is {early:.2} s shorter: the rail needs the time for {:.0} mm", travel * 1e3)
             }
-            Reason::FingerBusy => format!("is {early:.2} s shorter: its finger plays the next key"),
+            UnplayedReason::FingerBusy => format!("is {early:.2} s shorter: its finger plays the next key"),
         }
     }
 }
@@ -145,12 +145,12 @@ impl fmt::Display for UnplayedNote {
 
 impl fmt::Display for UnplayedNotes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let count = |what: fn(Reason) -> bool| self.notes.iter().filter(|n| what(n.reason)).count();
+        let count = |what: fn(UnplayedReason) -> bool| self.notes.iter().filter(|n| what(n.reason)).count();
         let parts = [
-            (count(Reason::omits), "omitted"),
-            (count(|reason| matches!(reason, Reason::RailTooSlow(_))), "shortened for the rail"),
-            (count(|reason| reason == Reason::FingerBusy), "shortened for the finger"),
-            (count(|reason| reason == Reason::HandNeeded), "shortened for a later note"),
+            (count(UnplayedReason::omits), "omitted"),
+            (count(|reason| matches!(reason, UnplayedReason::RailTooSlow(_))), "shortened for the rail"),
+            (count(|reason| reason == UnplayedReason::FingerBusy), "shortened for the finger"),
+            (count(|reason| reason == UnplayedReason::HandNeeded), "shortened for a later note"),
             (self.merged_notes, "too soon after one of the same key"),
             (self.quick_restrikes, "struck again at once"),
         ];

@@ -2,7 +2,7 @@ use etude_music::{Note, Song, repertoire};
 use etude_stage::joint_range;
 
 use super::*;
-use crate::fingering::Reason;
+use crate::fingering::UnplayedReason;
 
 fn piece(id: &str) -> Piece {
     Piece::new(&repertoire::get(id).unwrap(), 1.0).unwrap()
@@ -48,10 +48,10 @@ fn every_target_lies_in_its_range() {
 #[test]
 fn what_cannot_be_reached_is_reported() {
     for (chord, kind, skipped) in [
-        (&[36, 84][..], Reason::OutOfReach, 1),
-        (&[60, 61], Reason::OutOfReach, 1),
-        (&[60, 62, 64, 65, 67], Reason::TooManyKeys, 2),
-        (&[60, 64, 67], Reason::OutOfReach, 0),
+        (&[36, 84][..], UnplayedReason::OutOfReach, 1),
+        (&[60, 61], UnplayedReason::OutOfReach, 1),
+        (&[60, 62, 64, 65, 67], UnplayedReason::TooManyKeys, 2),
+        (&[60, 64, 67], UnplayedReason::OutOfReach, 0),
     ] {
         let player = ScriptedBaseline::new(&TaskConfig::default(), &chords(&[chord])).unwrap();
         let found: Vec<_> = player.unplayed().omitted().map(|limit| limit.reason).collect();
@@ -64,7 +64,7 @@ fn what_cannot_be_reached_is_reported() {
 fn a_jump_across_the_keyboard_is_reported() {
     let player = ScriptedBaseline::new(&TaskConfig::default(), &chords(&[&[36], &[84]])).unwrap();
     let [limit] = player.unplayed().notes[..] else { panic!("{}", player.unplayed()) };
-    assert!(matches!(limit.reason, Reason::RailTooSlow(travel) if travel > 0.5), "{limit}");
+    assert!(matches!(limit.reason, UnplayedReason::RailTooSlow(travel) if travel > 0.5), "{limit}");
     assert_eq!(limit.key, 0);
     assert!(limit.to_string().contains("C2 at 1.00 s is 0.80 s shorter"), "{limit}");
 }

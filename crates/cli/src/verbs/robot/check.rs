@@ -10,7 +10,7 @@ use etude_robot::{JOINTS_CHECKED, JointCheck, check_joints};
 use serde_json::json;
 
 use super::RigArgs;
-use crate::output::{Ending, line, note, print_json};
+use crate::output::{VerbEnd, line, note, print_json};
 use crate::progress::stop_flag;
 
 #[derive(clap::Args)]
@@ -23,7 +23,7 @@ pub struct Args {
     joints: bool,
 }
 
-pub fn run(args: &Args) -> anyhow::Result<Ending> {
+pub fn run(args: &Args) -> anyhow::Result<VerbEnd> {
     let rig = &args.rig;
     let interrupt = stop_flag()?;
     let choice = rig_choice(&rig.robot, "standard")?;
@@ -106,7 +106,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         if let Some(fault) = fault {
             note(format!("safety stop: {fault}; remove the cause, then repeat the command"));
         }
-        return Ok(Ending::Stopped);
+        return Ok(VerbEnd::Stopped);
     }
     let found = checked.unwrap_or_default();
     let wrong = found.iter().filter_map(|joint| Some(format!("joint {} {}", joint.joint, joint.problem()?)));
@@ -122,7 +122,7 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         None if args.joints && found.len() < JOINTS_CHECKED => {
             anyhow::bail!("stopped after {} of {JOINTS_CHECKED} joints", found.len())
         }
-        None => Ok(Ending::Done),
+        None => Ok(VerbEnd::Done),
     }
 }
 

@@ -4,7 +4,7 @@ use super::limits::AxisLimits;
 
 /// Position, velocity and acceleration of a set-point, as differences on the grid.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Motion {
+pub(super) struct AxisState {
     pub position: f64,
     pub velocity: f64,
     pub acceleration: f64,
@@ -15,7 +15,7 @@ pub(super) struct Motion {
 const MAX_BRAKE_STEPS: usize = 20_000;
 /// Rounding allowed for in comparisons with limits, as a fraction.
 pub(super) const ROUNDING: f64 = 1e-9;
-impl Motion {
+impl AxisState {
     /// The state after one step with this acceleration.
     pub fn after(self, acceleration: f64, step_secs: f64) -> Self {
         let velocity = self.velocity + acceleration * step_secs;
