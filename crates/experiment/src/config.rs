@@ -144,6 +144,9 @@ pub struct RehearseConfig {
     /// Parameter sets of the twin: names or files.
     #[serde(default = "standard")]
     pub twin_params: Vec<String>,
+    /// How the simulator is fitted: `lm`, or the paper's `bo`.
+    #[serde(default = "lm")]
+    pub fit: IdentifyMethod,
     /// Evaluations of each fit at most; the method's own number if not given.
     pub evaluations: Option<u64>,
 }
@@ -158,6 +161,10 @@ pub struct FitConfig {
     pub methods: Vec<IdentifyMethod>,
     /// Evaluations of each fit at most; the method's own number if not given.
     pub evaluations: Option<u64>,
+}
+
+fn lm() -> IdentifyMethod {
+    IdentifyMethod::Lm
 }
 
 fn standard() -> Vec<String> {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{anyhow, bail};
-use etude_lab::{IdentifyMethod, RehearsalConfig, find_song};
+use etude_lab::{RehearsalConfig, find_song};
 use etude_music::Song;
 use etude_perform::session::TWIN;
 use etude_perform::{Mode, shell_word};
@@ -253,7 +253,11 @@ fn rehearsals(
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
         // A later iteration continues from the best one.
         let from = if iterations > 1 { " from the best iteration" } else { "" };
-        let all = format!("{what}{mode}{iterations} {runs} {twin_params} {evaluations:?}{from}{PLAYED}");
+        let fit = rehearse.fit;
+        let all = format!(
+            "{what}{mode}{iterations} {runs} {twin_params} {} {evaluations:?}{from}{PLAYED}",
+            fit.name()
+        );
         let mut labels = labels.clone();
         labels.insert("mode".to_string(), mode.name().to_string());
         labels.insert("twin_params".to_string(), twin_params.to_string());
@@ -268,7 +272,7 @@ fn rehearsals(
             overrides: training.set.clone(),
             policy: None,
             simulator: None,
-            method: IdentifyMethod::Lm,
+            method: fit,
             evaluations,
             seed,
             threads: None,

@@ -231,7 +231,7 @@ impl GridReport {
         let player = quoted(&self.player);
         text.extend(self.paths.iter().map(|path| format!(",{path}")));
         for (index, (world, values)) in self.scores.iter().zip(&self.values).enumerate() {
-            let Scores { frame, note } = &world.scores;
+            let Scores { frame, note, .. } = &world.scores;
             let [right, wrong] = [note.matched, note.wrong].map(|count| count as f64);
             let by_step = [frame.f1, frame.precision, frame.recall, frame.pooled_f1];
             let scores = [by_step, [right, wrong, note.onset_f1, world.collision_free]].concat();

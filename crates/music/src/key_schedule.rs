@@ -61,6 +61,8 @@ pub struct KeySchedule {
     pub song: Song,
     /// The keys that are due in each frame.
     pub frames: Vec<KeySet>,
+    /// Those that are due by RoboPianist's rule, by which the paper's F1 counts.
+    pub robopianist_frames: Vec<KeySet>,
     /// Time by which the notes are later than the keys that are due, s.
     pub latency_compensation_secs: f64,
 }
@@ -88,6 +90,7 @@ impl KeyScheduleConfig {
         Ok(KeySchedule {
             song: sounding.with_initial_silence(silence_secs + self.latency_compensation_secs)?,
             frames: in_frames.episode_frames(CONTROL_HZ, silence_secs)?,
+            robopianist_frames: song.episode_frames(CONTROL_HZ, silence_secs)?,
             latency_compensation_secs: self.latency_compensation_secs,
         })
     }

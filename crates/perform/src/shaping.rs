@@ -5,7 +5,7 @@
 //! robot already include this shaping, so the policy's own simulator must not shape the targets a
 //! second time.
 
-use etude_robot::rig_file::LimitsConfig;
+use etude_robot::rig_file::{LimitsConfig, MAX_FINGER_LIMITS, MAX_RAIL_LIMITS};
 use etude_stage::controller::{Actuation, Controller, ControllerConstants};
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
@@ -58,21 +58,55 @@ impl Shaping {
 }
 
 /// Parameters of simulated joints with the low-pass and reference that shape a rig's commands: the
-/// start values of a fit to a robot.
+/// start values of a fit to a robot. They are the defaults, and higher where the rig's limits are.
 pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
-    within_limits(PhysicalParams::default(), limits)
+    let mut params = PhysicalParams::default();
+    let usual = LimitsConfig::default();
+    for joint in 0..DRIVEN_JOINTS {
+        let both = of_joint(limits, joint).into_iter().zip(of_joint(&usual, joint));
+        for (row, (limit, usual)) in ROWS.into_iter().zip(both) {
+            params.set_joint(row, joint, params.joint(row, joint) * (limit / usual).max(1.0));
+        }
+    }
+    within_limits(params, limits)
+}
+
+/// The limits of a rig whose shaping is as quick as the joints of a simulator with these
+/// parameters: the defaults, and higher where the simulator is quicker, as far as a rig may have
+/// them. So a policy moves a twin as it has learned to.
+pub fn limits_for(params: &PhysicalParams) -> LimitsConfig {
+    let usual = LimitsConfig::default();
+    let limit = |joint: usize, index: usize, max: [f64; 3]| {
+        let default = PhysicalParams::default().joint(ROWS[index], joint);
+        let quicker = (params.joint(ROWS[index], joint) / default).max(1.0);
+        (of_joint(&usual, joint)[index] * quicker).min(max[index])
+    };
+    LimitsConfig {
+        finger_velocity: limit(0, 0, MAX_FINGER_LIMITS),
+        finger_acceleration: limit(0, 1, MAX_FINGER_LIMITS),
+        finger_jerk: limit(0, 2, MAX_FINGER_LIMITS),
+        rail_velocity: limit(RAIL, 0, MAX_RAIL_LIMITS),
+        rail_acceleration: limit(RAIL, 1, MAX_RAIL_LIMITS),
+        rail_jerk: limit(RAIL, 2, MAX_RAIL_LIMITS),
+        ..usual
+    }
+}
+
+/// The rows that a rig limits too, and a rig's limits in this order.
+const ROWS: [JointRow; 3] = [JointRow::VelocityLimit, JointRow::AccelerationLimit, JointRow::JerkLimit];
+
+fn of_joint(limits: &LimitsConfig, joint: usize) -> [f64; 3] {
+    if joint == RAIL {
+        [limits.rail_velocity, limits.rail_acceleration, limits.rail_jerk]
+    } else {
+        [limits.finger_velocity, limits.finger_acceleration, limits.finger_jerk]
+    }
 }
 
 /// The same parameters with joints that keep the limits of a rig.
 pub fn within_limits(mut params: PhysicalParams, limits: &LimitsConfig) -> PhysicalParams {
     for joint in 0..DRIVEN_JOINTS {
-        let limits_of_joint = if joint == RAIL {
-            [limits.rail_velocity, limits.rail_acceleration, limits.rail_jerk]
-        } else {
-            [limits.finger_velocity, limits.finger_acceleration, limits.finger_jerk]
-        };
-        let rows = [JointRow::VelocityLimit, JointRow::AccelerationLimit, JointRow::JerkLimit];
-        for (row, limit) in rows.into_iter().zip(limits_of_joint) {
+        for (row, limit) in ROWS.into_iter().zip(of_joint(limits, joint)) {
             params.set_joint(row, joint, params.joint(row, joint).min(LIMIT_SHARE * limit));
         }
     }
@@ -92,6 +126,32 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn a_rig_is_as_quick_as_the_simulator_and_shapes_alike() {
+        assert_eq!(limits_for(&PhysicalParams::default()), LimitsConfig::default());
+        assert_eq!(shaping_params(&LimitsConfig::default()), PhysicalParams::default());
+        let mut quick = PhysicalParams::default();
+        for (path, value) in
+            [("joint.rail.acceleration_limit", 13.25), ("joint.fingers.velocity_limit", 40.0)]
+        {
+            quick.set(path, value).unwrap();
+        }
+        let limits = limits_for(&quick);
+        assert!((limits.rail_acceleration - 13.25 / 7.1 * 7.5).abs() < 1e-9);
+        let shaped = shaping_params(&limits);
+        for path in ["joint.rail.acceleration_limit", "joint.index_1.velocity_limit", "joint.rail.jerk_limit"]
+        {
+            let [shaped, simulated] = [&shaped, &quick].map(|params| params.get(path).unwrap());
+            assert!((shaped / simulated - 1.0).abs() < 1e-9, "{path}: {shaped} {simulated}");
+        }
+        // What no rig may have.
+        quick.set("joint.rail.acceleration_limit", 5000.0).unwrap();
+        assert_eq!(limits_for(&quick).rail_acceleration, 14.0);
+        // A rig's lower limits count.
+        let slow = LimitsConfig { rail_acceleration: 1.0, ..LimitsConfig::default() };
+        assert_eq!(shaping_params(&slow).get("joint.rail.acceleration_limit").unwrap(), 0.95);
+    }
 
     proptest! {
         /// Whatever the targets, the limiter has nothing to clamp.

@@ -53,6 +53,12 @@ settings! {
     }
 }
 
+/// Highest limits of a finger joint's set-point: rad/s, rad/s², rad/s³. So far a policy's targets
+/// may jump; the torque clamp bounds the joint.
+pub const MAX_FINGER_LIMITS: [f64; 3] = [55.0, 5300.0, 1_060_000.0];
+/// The same of the rail: m/s, m/s², m/s³.
+pub const MAX_RAIL_LIMITS: [f64; 3] = [1.0, 14.0, 5000.0];
+
 settings! {
     /// Limits of joints and rail, and of the calibration's age. Fingers: rad and s. Rail: m and s.
     ///
@@ -63,27 +69,28 @@ settings! {
     #[serde(deny_unknown_fields, default)]
     pub struct LimitsConfig("limits") {
         /// Largest speed of a finger joint's set-point, rad/s. The default is the highest speed
-        /// that allegro_hand_ros_v4 names.
-        pub finger_velocity: f64 = 13.0, positive_to(13.0);
+        /// that allegro_hand_ros_v4 names. More makes no joint faster: the torque clamp and the
+        /// motor bound it.
+        pub finger_velocity: f64 = 13.0, positive_to(MAX_FINGER_LIMITS[0]);
         /// Largest acceleration, rad/s². By default from rest to full speed in 6.5 ms, two periods
         /// of the hand. The torque clamp bounds the fingers before this does.
-        pub finger_acceleration: f64 = 2000.0, positive_to(2000.0);
+        pub finger_acceleration: f64 = 2000.0, positive_to(MAX_FINGER_LIMITS[1]);
         /// Largest jerk, rad/s³. By default the full acceleration within one set-point.
-        pub finger_jerk: f64 = 400_000.0, positive_to(400_000.0);
+        pub finger_jerk: f64 = 400_000.0, positive_to(MAX_FINGER_LIMITS[2]);
         /// Part of the rail that may be used, m from the middle of the keyboard. At most the
         /// keyboard's own end and some room.
         pub rail_range_m: [f64; 2] = [-0.337, 0.337], -0.40..=0.40;
         /// Largest speed on the rail, m/s. At most the flange's own limit; at 1.2 m/s the arm stops
         /// itself with error 60 (xArm user manual).
-        pub rail_velocity: f64 = 0.8, positive_to(1.0);
+        pub rail_velocity: f64 = 0.8, positive_to(MAX_RAIL_LIMITS[0]);
         /// Largest acceleration, m/s². The default is the arm's 1145 °/s² over the 2.57 rad that
         /// joint 4 turns a metre: 7.8 m/s² where it turns most. In servo mode the controller does
         /// not look.
-        pub rail_acceleration: f64 = 7.5, positive_to(14.0);
+        pub rail_acceleration: f64 = 7.5, positive_to(MAX_RAIL_LIMITS[1]);
         /// Largest jerk, m/s³. By default the full acceleration in one set-point, as the arm itself
         /// would take it in servo mode; at most nearly all of the largest one, from one direction
         /// to the other, within one set-point.
-        pub rail_jerk: f64 = 1500.0, positive_to(5000.0);
+        pub rail_jerk: f64 = 1500.0, positive_to(MAX_RAIL_LIMITS[2]);
         /// The speed while a key sounds or a fingertip is as low as between two fences, m/s: it is
         /// not dragged against them faster. A judgement: what the paper's fences bear is not
         /// published.

@@ -12,6 +12,7 @@ use crate::{TaskConfig, TaskError};
 pub struct Piece {
     title: String,
     due: Arc<[KeySet]>,
+    robopianist_due: Arc<[KeySet]>,
     notes: Arc<[Note]>,
     bars: Arc<[f64]>,
     latency_compensation_secs: f64,
@@ -63,9 +64,10 @@ impl Piece {
 
     /// `steps` control steps in which no key is due, for motions without a song.
     pub fn silent(steps: usize) -> Self {
-        let due = vec![KeySet::EMPTY; steps].into();
+        let due: Arc<[KeySet]> = vec![KeySet::EMPTY; steps].into();
+        let robopianist_due = due.clone();
         let (title, notes, bars) = (String::new(), [].into(), [].into());
-        Self { title, due, notes, bars, latency_compensation_secs: 0.0, fingering: None }
+        Self { title, due, robopianist_due, notes, bars, latency_compensation_secs: 0.0, fingering: None }
     }
 
     /// The same piece with this fingering.
@@ -142,6 +144,11 @@ impl Piece {
         &self.due
     }
 
+    /// Keys due at every control step by RoboPianist's rule, whatever the piece's own.
+    pub fn robopianist_frames(&self) -> &[KeySet] {
+        &self.robopianist_due
+    }
+
     /// Time by which the notes are later than the keys that are due, s.
     pub fn latency_compensation_secs(&self) -> f64 {
         self.latency_compensation_secs
@@ -175,10 +182,12 @@ impl Piece {
 }
 
 impl From<KeySchedule> for Piece {
-    fn from(KeySchedule { song, frames, latency_compensation_secs }: KeySchedule) -> Self {
+    fn from(schedule: KeySchedule) -> Self {
+        let KeySchedule { song, frames, robopianist_frames, latency_compensation_secs } = schedule;
         Self {
             title: song.title().to_string(),
             due: frames.into(),
+            robopianist_due: robopianist_frames.into(),
             notes: song.notes().into(),
             bars: song.beats().bar_lines(song.duration_secs()).into(),
             latency_compensation_secs,

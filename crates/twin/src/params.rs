@@ -7,7 +7,7 @@ use std::fmt;
 use std::path::Path;
 
 use etude_emulators::faults::OrderedFault;
-use etude_robot::rig_file::RigConfig;
+use etude_robot::rig_file::{LimitsConfig, RigConfig};
 
 use crate::error::TwinParamsError;
 use crate::numbers::Numbers;
@@ -34,6 +34,8 @@ pub struct TwinParams {
     pub(crate) numbers: Numbers,
     /// Added to the seed of what changes from run to run.
     run: u64,
+    /// Limits of its rig, which everybody may know.
+    limits: LimitsConfig,
 }
 
 /// The parameter sets that come with Étude, by name.
@@ -51,7 +53,7 @@ impl TwinParams {
     /// If there is none of these, or it is not sound.
     pub fn load(name: &str) -> Result<Self, TwinParamsError> {
         if let Some(seed) = random::seed(name) {
-            return Ok(Self { numbers: random::draw(seed?)?, run: 0 });
+            return Ok(Self { numbers: random::draw(seed?)?, run: 0, limits: LimitsConfig::default() });
         }
         let fail = |message: String| TwinParamsError::Read { path: Path::new(name).to_path_buf(), message };
         let text = match BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
@@ -80,7 +82,7 @@ impl TwinParams {
         let numbers: Numbers =
             toml::from_str(text).map_err(|error| TwinParamsError::Text(error.to_string()))?;
         numbers.check()?;
-        Ok(Self { numbers, run: 0 })
+        Ok(Self { numbers, run: 0, limits: LimitsConfig::default() })
     }
 
     /// The same parameter set with the changes in this TOML text, for tests.
@@ -93,7 +95,7 @@ impl TwinParams {
         lay_over(&mut table, changes.parse().map_err(|error: toml::de::Error| text(error.to_string()))?);
         let numbers: Numbers = table.try_into().map_err(|error| text(error.to_string()))?;
         numbers.check()?;
-        Ok(Self { numbers, run: self.run })
+        Ok(Self { numbers, ..self.clone() })
     }
 
     /// The same parameter set with more faults.
@@ -106,10 +108,17 @@ impl TwinParams {
         Ok(self)
     }
 
-    /// A rig for a twin with this parameter set: the default one, and without a feed-forward
-    /// against gravity if its hand has no weight.
+    /// A rig for a twin with this parameter set: the default one with its limits, and without a
+    /// feed-forward against gravity if its hand has no weight.
     pub fn rig(&self) -> RigConfig {
-        self.fitting(RigConfig { name: "twin".to_string(), ..RigConfig::default() })
+        let limits = self.limits.clone();
+        self.fitting(RigConfig { name: "twin".to_string(), limits, ..RigConfig::default() })
+    }
+
+    /// The same twin, whose rig has these limits.
+    #[must_use]
+    pub fn with_limits(self, limits: LimitsConfig) -> Self {
+        Self { limits, ..self }
     }
 
     /// This rig, without a feed-forward against gravity if the twin's hand has no weight.

@@ -11,7 +11,7 @@ use etude_lab::{
 use etude_music::KeyScheduleRule;
 use etude_music::sound::SoundFont;
 use etude_perform::session::{RigChoice, rig_choice};
-use etude_perform::{Job, Mode, NoteCounts, VerbEnd as Played, shell_line};
+use etude_perform::{Ending as Played, Job, Mode, NoteCounts, gap, shell_line};
 use etude_twin::OrderedFault;
 
 use super::play::note_summary;
@@ -106,6 +106,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
         Some(learned) => learned.pianist(&song, &rig)?,
         None => args.pianist.load(&args.song, &song, &mut planner)?,
     };
+    let rig = rig.for_simulator(&pianist.config.task.params()?);
     let mode = mode(args.mode, learned.as_ref())?;
     let is_named = args.pianist.policy.is_some() || args.pianist.scripted || learned.is_some();
     if let Some(found) = too_fast(&song, &pianist, is_named, &rig.config().limits, &mut planner)? {
@@ -148,7 +149,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     if args.json {
         print_json(&report)?;
     } else {
-        print(&report, f1_name(pianist.config.task.key_schedule.rule))?;
+        print(&report, pianist.config.task.key_schedule.rule == KeyScheduleRule::Articulated)?;
     }
     let warnings = report.runs.iter().flat_map(|run| &run.warnings);
     for warning in warnings.filter(|warning| warned.insert((*warning).clone())) {
@@ -280,15 +281,7 @@ pub(super) fn lag_measured(run: &RobotRun, latency_compensation_secs: Option<f64
     format!("lag measurement (not counted): {notes}; latency compensation: {found}")
 }
 
-/// The name of F1 by control step: it is the paper's only by RoboPianist's rule.
-fn f1_name(rule: KeyScheduleRule) -> &'static str {
-    match rule {
-        KeyScheduleRule::Robopianist => "The paper's F1",
-        KeyScheduleRule::Articulated => "F1 (articulated plan)",
-    }
-}
-
-fn print(report: &RobotReport, f1_name: &str) -> anyhow::Result<()> {
+fn print(report: &RobotReport, is_articulated: bool) -> anyhow::Result<()> {
     let scores = &report.scores;
     line(format!(
         "{} played by {} on {}{}, {}",
@@ -331,13 +324,27 @@ fn print(report: &RobotReport, f1_name: &str) -> anyhow::Result<()> {
     }
     let spread =
         if report.runs.len() > 1 { format!(" ± {:.3}", scores.robot_f1_std) } else { String::new() };
+    let robot = &report.robot;
+    if is_articulated {
+        line(format!(
+            "F1 (articulated plan) {:.3} in simulation, {:.3}{spread} on {robot}: a gap of {:.1} %",
+            scores.sim_f1,
+            scores.robot_f1,
+            100.0 * scores.gap
+        ))?;
+    }
+    let (sim_f1, robot_f1) = (scores.sim_robopianist_f1, scores.robot_robopianist_f1);
     line(format!(
-        "{f1_name} {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.1} %",
-        scores.sim_f1,
-        scores.robot_f1,
-        report.robot,
-        100.0 * scores.gap
+        "F1 (RoboPianist's rule, the paper's) {sim_f1:.3} in simulation, {robot_f1:.3} on {robot}: a gap of {:.1} %",
+        100.0 * gap(sim_f1, robot_f1)
     ))?;
+    if let Some(before) = &report.uncompensated {
+        line(format!(
+            "Without that latency compensation: {}, F1 {:.3} (RoboPianist's rule) in one run",
+            NoteCounts::from(&before.note),
+            before.robopianist_f1
+        ))?;
+    }
     for run in &report.runs {
         let times = &run.timing;
         line(format!(

@@ -90,7 +90,7 @@ pub(super) fn note_summary(note: &NoteScores) -> String {
 }
 
 fn print(report: &PlayReport) -> anyhow::Result<()> {
-    let Scores { frame, note } = &report.scores;
+    let Scores { frame, note, .. } = &report.scores;
     line(format!("{} played by {}, {} control steps", report.song, report.player, report.steps))?;
     line(note_summary(note))?;
     line(format!("{:22} {:>9} {:>9} {:>9}", "", "precision", "recall", "F1"))?;
@@ -103,6 +103,7 @@ fn print(report: &PlayReport) -> anyhow::Result<()> {
         [note.onset_offset_precision, note.onset_offset_recall, note.onset_offset_f1],
     )?;
     row("by control step", [frame.precision, frame.recall, frame.f1])?;
+    line(format!("{:22} {:>29.3}", "by RoboPianist's rule", report.scores.robopianist_f1))?;
     row("pooled over key-time", [frame.pooled_precision, frame.pooled_recall, frame.pooled_f1])?;
     if let Some(limits) = &report.limits {
         line(limits)?;

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
-    AdaptConfig, AdaptStep, Adapted, IdentifyMethod, Iteration, RehearsalConfig, RehearsalStep, RobotRun,
-    RobotScores, RobotStep, SIGHT_READER, adapt_on_robot, adapted_before, best_iteration, find_song,
-    policy_called, rehearse_on_robot, shipped_policy,
+    AdaptConfig, AdaptStep, Adapted, IdentifyMethod, Iteration, Prediction, RehearsalConfig, RehearsalStep,
+    RobotRun, RobotScores, RobotStep, SIGHT_READER, adapt_on_robot, adapted_before, best_iteration,
+    find_song, policy_called, rehearse_on_robot, shipped_policy,
 };
 use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Job, Mode, shell_word};
@@ -19,6 +19,9 @@ use crate::args::{self, slug};
 use crate::output::{VerbEnd, line, print_json};
 use crate::progress::stop_flag;
 use crate::status::Status;
+
+/// The preset of the paper's own method, whose fit is the paper's too.
+const PAPER: &str = "paper";
 
 /// The song, the robot, and the number of iterations and performances.
 #[derive(clap::Args)]
@@ -35,7 +38,8 @@ Examples:
   etude rehearse my-song.mid --robot lab.toml --iterations 3
   etude rehearse twinkle --simulator out/rehearse-c-major-scale/iteration-1/identified/identified.toml
   etude rehearse twinkle --robot twin --twin-params worn --iterations 0 --adapt 10
-  etude rehearse twinkle --preset sight-reader --set trainer.total_steps=300000 --iterations 1")]
+  etude rehearse twinkle --preset sight-reader --set trainer.total_steps=300000 --iterations 1
+  etude rehearse twinkle --preset paper --iterations 3 --policy runs/twinkle-paper")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(value_parser = args::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
@@ -74,9 +78,11 @@ pub struct Args {
     /// (identified.toml); then only the keyboard is fitted
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     simulator: Option<PathBuf>,
-    /// Method of identification: `lm` or `bo`
-    #[arg(long, default_value = "lm", value_name = "METHOD")]
-    method: IdentifyMethod,
+    /// How the simulator is fitted. `bo`, the paper's: Bayesian optimisation, first on hand opening
+    /// and closing, then on what was played too (the default of --preset paper). `lm`, ours:
+    /// Levenberg-Marquardt on all excitations and slow presses of keys (the default)
+    #[arg(long, value_name = "lm|bo")]
+    fit: Option<IdentifyMethod>,
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
@@ -112,6 +118,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
         etude_lab::resolve(&args.preset, args.simulator.as_deref(), &overrides)?.corpus.is_some();
     let learned = if has_corpus { SIGHT_READER.to_string() } else { name };
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(format!("rehearse-{learned}")));
+    let fit = if args.preset == PAPER { IdentifyMethod::Bo } else { IdentifyMethod::Lm };
     let config = RehearsalConfig {
         song: args.song,
         rig: rig.name().to_string(),
@@ -126,7 +133,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
         overrides,
         policy: args.policy.as_deref().map(policy_called).transpose()?.or_else(|| shipped_policy(&learned)),
         simulator: args.simulator,
-        method: args.method,
+        method: args.fit.unwrap_or(fit),
         evaluations: args.evaluations,
         seed: args.seed,
         threads: None,
@@ -296,9 +303,15 @@ fn iteration_summary(iteration: &Iteration) -> String {
     let held_out = held_out.map_or_else(String::new, |[before, after]| {
         format!("; held-out error of the fingers {before:.2} → {after:.2} mrad")
     });
+    let predicted = iteration.prediction.map_or_else(String::new, |prediction| {
+        let Prediction { before_fit_f1, after_fit_f1, played_f1 } = prediction;
+        format!(
+            "; of the policy before, F1 {before_fit_f1:.3} predicted before the fit, {after_fit_f1:.3} after it, {played_f1:.3} played"
+        )
+    });
     format!(
         "iteration {}: {notes} on the robot{late}; F1 {sim_f1:.3} in simulation, {robot_f1:.3} ± {robot_f1_std:.3} on the robot: \
-         a gap of {:.1} %{held_out}",
+         a gap of {:.1} %{held_out}{predicted}",
         iteration.iteration,
         100.0 * gap
     )

@@ -214,7 +214,7 @@ impl RunningTrial<'_, '_> {
     ) -> anyhow::Result<Vec<ResultRow>> {
         let mut planner = SongPlanner::default();
         let piece = planner.plan(song, &pianist.config.task)?;
-        let Scores { frame: sim, note: sim_note } = scores_in_simulation(pianist, &piece, &mut planner)?;
+        let Scores { frame: sim, note: sim_note, .. } = scores_in_simulation(pianist, &piece, &mut planner)?;
         let of_sim = [
             ("sim_f1", sim.f1),
             ("sim_precision", sim.precision),
@@ -245,9 +245,10 @@ impl RunningTrial<'_, '_> {
                 bail!("{why}");
             }
             for (run, played) in report.runs.iter().enumerate() {
-                let Scores { frame, note } = &played.scores;
+                let Scores { frame, note, .. } = &played.scores;
                 let is_complete = played.steps[0] == played.steps[1];
                 let lag = note.lag_secs.map(|lag| ("lag_secs", lag));
+                let before = report.uncompensated.map(|scores| ("uncompensated_f1", scores.frame.f1));
                 let of_twin = [
                     ("latency_compensation_secs", report.scores.latency_compensation_secs),
                     ("f1", frame.f1),
@@ -255,6 +256,8 @@ impl RunningTrial<'_, '_> {
                     ("recall", frame.recall),
                     ("onset_f1", note.onset_f1),
                     ("onset_f1_without_lag", note.onset_f1_without_lag),
+                    ("notes_right", note.matched as f64),
+                    ("notes_wrong", note.wrong as f64),
                     ("gap", gap(sim.f1, frame.f1)),
                     ("complete", f64::from(u8::from(is_complete))),
                 ];
@@ -263,7 +266,10 @@ impl RunningTrial<'_, '_> {
                     ("mode", mode.name().to_string()),
                     ("run", run.to_string()),
                 ];
-                rows.push(result_row(&labels, &[of_sim.as_slice(), &of_twin, lag.as_slice()].concat()));
+                rows.push(result_row(
+                    &labels,
+                    &[of_sim.as_slice(), &of_twin, lag.as_slice(), before.as_slice()].concat(),
+                ));
             }
         }
         Ok(rows)

@@ -55,6 +55,13 @@ impl RunningTrial<'_, '_> {
             if let Some([before, after]) = iteration.held_out_rad {
                 values.extend([("held_out_before", before), ("held_out_after", after)]);
             }
+            if let Some(prediction) = iteration.prediction {
+                values.extend([
+                    ("predicted_before", prediction.before_fit_f1),
+                    ("predicted_after", prediction.after_fit_f1),
+                    ("predicted_played", prediction.played_f1),
+                ]);
+            }
             result_row(&[("iteration", iteration.iteration.to_string())], &values)
         });
         Ok((self.result(rows.collect(), Vec::new()), self.times(begun.elapsed().as_secs_f64(), Vec::new())))

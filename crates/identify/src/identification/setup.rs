@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::error::IdentifyError;
 use super::state::IdentifyConfig;
+use crate::config::MethodConfig;
 use crate::error::FitError;
 use crate::group::Group;
 use crate::method::Candidate;
@@ -23,6 +24,8 @@ pub(super) struct Setup<'a> {
     pub world: StageConfig,
     /// The parameters at the start.
     pub before: PhysicalParams,
+    /// Whether the drives are fitted to what plays keys too.
+    uses_played: bool,
     /// Paths of the parameters that slow presses measure, and no fit estimates.
     measured: Vec<String>,
 }
@@ -45,14 +48,18 @@ impl<'a> Setup<'a> {
         let world = StageConfig { side: first.side(), ..StageConfig::default() };
         let before = start(&first.rig).with(&config.start)?;
         let measured = presses::measure(motions, &before).into_iter().map(|one| one.path).collect();
-        Ok(Self { motions, world, before, measured })
+        let uses_played = matches!(config.method, MethodConfig::Bo(_));
+        Ok(Self { motions, world, before, uses_played, measured })
     }
 
-    /// Motions that play keys (`keys`), which the keyboard is fitted to, or those that touch none,
-    /// which the drives are fitted to.
+    /// Motions that play keys (`keys`), which the keyboard is fitted to, or those which the drives
+    /// are fitted to: with Bayesian optimisation all of them, as in the paper, else those that
+    /// touch no key.
     pub fn motions(&self, keys: bool) -> Vec<RecordedMotion> {
-        let is_one =
-            |motion: &&RecordedMotion| if keys { motion.plays_keys() } else { motion.keys.is_empty() };
+        let is_one = |motion: &&RecordedMotion| match keys {
+            true => motion.plays_keys(),
+            false => self.uses_played || motion.keys.is_empty(),
+        };
         self.motions.iter().filter(is_one).cloned().collect()
     }
 

@@ -39,7 +39,8 @@ pub struct RehearsalConfig {
     /// A simulator whose drives are fitted to this robot already, as `etude identify` and
     /// rehearsals write it: only its keyboard is fitted then, to what was played.
     pub simulator: Option<PathBuf>,
-    /// Method of identification.
+    /// Method of identification. `bo` is the paper's: the first fit is to hand opening and closing
+    /// alone, and each later one fits the drives to what was played too.
     pub method: IdentifyMethod,
     /// Evaluations of each fit at most.
     pub evaluations: Option<u64>,
@@ -62,12 +63,26 @@ pub struct Iteration {
     /// Errors of the simulator in the held-out excitation, finger joints, rad: before the fit and
     /// after.
     pub held_out_rad: Option<[f64; 2]>,
+    /// How well the fit predicts playing; none in iteration 0.
+    pub prediction: Option<Prediction>,
     /// The policy.
     pub policy: PathBuf,
     /// Recordings to listen to.
     pub recordings: Vec<PathBuf>,
     /// The identified numbers, by path.
     pub physics: std::collections::BTreeMap<String, f64>,
+}
+
+/// How well a fit predicts playing: F1 of the policy of the iteration before, which was not trained
+/// in the fitted simulator, as it was played on the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Prediction {
+    /// In the simulator in which it was trained.
+    pub before_fit_f1: f64,
+    /// In the fitted simulator.
+    pub after_fit_f1: f64,
+    /// On the robot.
+    pub played_f1: f64,
 }
 
 /// The iteration that has played best on the robot, by the mean of F1 and onset F1; the earlier one
@@ -94,6 +109,7 @@ mod tests {
                 ..RobotScores::default()
             },
             held_out_rad: None,
+            prediction: None,
             policy: PathBuf::new(),
             recordings: Vec::new(),
             physics: Default::default(),

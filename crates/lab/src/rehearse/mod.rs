@@ -4,8 +4,8 @@
 //! DIR/rehearsal.json              the configuration
 //! DIR/excitation/*.mcap           the robot in each excitation
 //! DIR/iteration-0/                performance of the policy from the default simulator
-//! DIR/iteration-N/identified/     the simulator fitted to the excitations (once) and to the
-//!                                 performances of the iteration before
+//! DIR/iteration-N/identified/     the simulator fitted to the excitations and to the performances
+//!                                 of the iteration before
 //! DIR/iteration-N/training/       the best policy so far, trained further in that simulator
 //! DIR/iteration-N/performance/    numbered performances on the robot; recordings, MIDI and sound
 //! DIR/iteration-N/iteration.json  the result of the iteration; written last
@@ -16,27 +16,30 @@
 
 mod iteration;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use etude_identify::{MotionError, Progress, RecordedMotion};
 use etude_music::Song;
 use etude_perform::session::RigChoice;
 use etude_perform::{Excitation, Job};
+use etude_task::TaskError;
 
 use crate::config::resolve;
 use crate::errors::{Interrupted, unusable};
 use crate::excitations::record_excitations;
 use crate::folder::make_folder;
-use crate::identify::{Identification, IdentifyReport, identify_robot};
+use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::json_files::{load, save_pretty};
 use crate::pianist::load_pianist;
+use crate::play::scores_in_simulation;
 use crate::robot::{RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot};
 use crate::run::Run;
 use crate::song_planner::SongPlanner;
 use crate::training_progress::TrainingProgress;
 use crate::warm_start::beginning_with;
 
-pub use iteration::{Iteration, RehearsalConfig, best_iteration, set_latency_compensation};
+pub use iteration::{Iteration, Prediction, RehearsalConfig, best_iteration, set_latency_compensation};
 
 /// Name of the result of an iteration in its folder.
 const RESULT: &str = "iteration.json";
@@ -74,6 +77,8 @@ pub fn rehearse_on_robot(
     folder: &Path,
     job: &mut Job<'_, RehearsalStep>,
 ) -> anyhow::Result<Vec<Iteration>> {
+    let task = resolve(&config.preset, config.simulator.as_deref(), &config.overrides)?.task;
+    let rig = &rig.for_simulator(&task.params().map_err(TaskError::from)?);
     let rehearsal = Rehearsal { song, rig, config, folder };
     rehearsal.open()?;
     let mut iterations: Vec<Iteration> = Vec::new();
@@ -123,12 +128,14 @@ impl Rehearsal<'_> {
     ) -> anyhow::Result<Iteration> {
         let folder = self.iteration_folder(iteration);
         make_folder(&folder)?;
-        let (mut held_out_rad, mut physics, mut layer) = (None, Default::default(), None);
+        let (mut held_out_rad, mut prediction) = (None, None);
+        let (mut physics, mut layer) = (Default::default(), None);
         if let Some(before) = earlier.last() {
             let report = self.identify(iteration, before, &folder.join("identified"), job)?;
             let errors = report.held_out_errors;
             held_out_rad = (!errors.joints.is_empty()).then_some(errors.fingers);
             physics = report.identified.physics;
+            prediction = Some(self.predict(before, &physics)?);
             layer = Some(report.file);
         }
         let policy = match (&self.config.policy, best_iteration(earlier)) {
@@ -141,6 +148,7 @@ impl Rehearsal<'_> {
             iteration,
             scores: report.scores,
             held_out_rad,
+            prediction,
             policy,
             recordings: recordings.collect(),
             physics,
@@ -172,12 +180,20 @@ impl Rehearsal<'_> {
                 Ok(_) => performances.push(path.clone()),
             }
         }
-        // The excitations are the same in each iteration. Once the drives are fitted to them, the
-        // keyboard is left: only its own excitation, the held-out one and the new performances are
-        // needed.
+        let is_paper = self.config.method == IdentifyMethod::Bo;
+        // The excitations are the same in each iteration. Once our own fit has fitted the drives to
+        // them, the keyboard is left: only its own excitation, the held-out one and the new
+        // performances are needed. The paper's begins with hand opening and closing alone, and
+        // refines the drives by what was played.
         let fitted_before = (iteration > 1 || self.config.simulator.is_some()) && !performances.is_empty();
-        let wanted: &[Excitation] =
-            if fitted_before { &[Excitation::Keys, Excitation::HeldOut] } else { &Excitation::ALL };
+        let wanted: &[Excitation] = match self.config.method {
+            IdentifyMethod::Bo => &[Excitation::OpenClose, Excitation::HeldOut],
+            IdentifyMethod::Lm if fitted_before => &[Excitation::Keys, Excitation::HeldOut],
+            IdentifyMethod::Lm => &Excitation::ALL,
+        };
+        if is_paper && !fitted_before {
+            performances.clear();
+        }
         let excitations = record_excitations(
             self.rig,
             wanted,
@@ -204,6 +220,23 @@ impl Rehearsal<'_> {
             |at: &Progress| RehearsalStep::Identifying(iteration, at.clone()),
             |job| identify_robot(&what, folder, job),
         )
+    }
+
+    /// Plays the policy of the iteration `before` in the simulator with the fitted `physics`, which
+    /// it was not trained in, as it was played on the robot.
+    fn predict(&self, before: &Iteration, physics: &BTreeMap<String, f64>) -> anyhow::Result<Prediction> {
+        let mut pianist = load_pianist(&before.policy)?;
+        let task = &mut pianist.config.task;
+        task.key_schedule.latency_compensation_secs = before.scores.latency_compensation_secs;
+        task.physics.extend(physics.clone());
+        let mut planner = SongPlanner::default();
+        let piece = planner.plan(self.song, &pianist.config.task)?;
+        let after = scores_in_simulation(&pianist, &piece, &mut planner)?.frame.f1;
+        Ok(Prediction {
+            before_fit_f1: before.scores.sim_f1,
+            after_fit_f1: after,
+            played_f1: before.scores.robot_f1,
+        })
     }
 
     /// Trains in the simulator of `layer`, from what the best iteration so far has learned, for the

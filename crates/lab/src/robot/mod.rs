@@ -114,7 +114,10 @@ pub fn play_on_robot(
             "several runs need --home: each begins where the song begins, and the one before ends elsewhere"
         );
     }
-    let piece = planner.plan(play.song, &play.pianist.config.task)?;
+    let task = &play.pianist.config.task;
+    let rig = play.rig.for_simulator(&task.params().map_err(TaskError::from)?);
+    let play = &RobotPlay { rig: &rig, ..play.clone() };
+    let piece = planner.plan(play.song, task)?;
     if let Some(correction) = play.correction.as_ref().filter(|correction| !correction.is_empty()) {
         if !play.mode.has_simulation() {
             bail!(
@@ -184,7 +187,8 @@ fn play_on_time(
     pianist.config.task.key_schedule.latency_compensation_secs =
         latency_compensation_secs.unwrap_or(measured.scores.latency_compensation_secs);
     let piece = planner.plan(play.song, &pianist.config.task)?;
-    play_runs(&RobotPlay { pianist: &pianist, ..play.clone() }, &piece, folder, planner, job)
+    let report = play_runs(&RobotPlay { pianist: &pianist, ..play.clone() }, &piece, folder, planner, job)?;
+    Ok(RobotReport { uncompensated: Some(run.scores), ..report })
 }
 
 /// Plays the runs, and writes the files into `folder`.
@@ -200,7 +204,8 @@ fn play_runs(
     if let Some(folder) = folder {
         write_reference(&folder.join(REFERENCE), piece, font)?;
     }
-    let sim_f1 = scores_in_simulation(pianist, piece, planner)?.frame.f1;
+    let simulated = scores_in_simulation(pianist, piece, planner)?;
+    let sim_f1 = simulated.frame.f1;
     let start = World::new(&task.stage, &task.params().map_err(TaskError::from)?)
         .map_err(TaskError::from)?
         .start_pose();
@@ -236,6 +241,7 @@ fn play_runs(
     }
     let lags: Vec<f64> = counted.iter().filter_map(|run| run.scores.note.lag_secs).collect();
     let f1: Vec<f64> = counted.iter().map(|run| run.scores.frame.f1).collect();
+    let robopianist_f1: Vec<f64> = counted.iter().map(|run| run.scores.robopianist_f1).collect();
     let robot_f1 = mean(&f1);
     Ok(RobotReport {
         song: piece.title().to_string(),
@@ -249,12 +255,15 @@ fn play_runs(
         scores: RobotScores {
             notes: MeanNotes::of(piece.notes().len(), &counted),
             sim_f1,
+            sim_robopianist_f1: simulated.robopianist_f1,
             robot_f1,
             robot_f1_std: deviation(&f1),
+            robot_robopianist_f1: mean(&robopianist_f1),
             gap: gap(sim_f1, robot_f1),
             latency_compensation_secs: task.key_schedule.latency_compensation_secs,
             lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
         },
+        uncompensated: None,
         only_measuring: false,
         not_played,
         runs,

@@ -27,6 +27,9 @@ pub struct RobotReport {
     /// The scores.
     #[serde(flatten)]
     pub scores: RobotScores,
+    /// The run that measured the lag, before the latency compensation: the paper describes none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uncompensated: Option<Scores>,
     /// Whether the only run is the one that should have measured the lag: it ended early, and no
     /// run that counts was played.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -46,10 +49,14 @@ pub struct RobotScores {
     pub notes: MeanNotes,
     /// F1 by control step of the same pianist in simulation.
     pub sim_f1: f64,
+    /// The same by RoboPianist's rule.
+    pub sim_robopianist_f1: f64,
     /// Mean of the runs' F1 by control step.
     pub robot_f1: f64,
     /// Their standard deviation; 0 for one run.
     pub robot_f1_std: f64,
+    /// Mean of the runs' F1 by RoboPianist's rule.
+    pub robot_robopianist_f1: f64,
     /// The share of `sim_f1` that is lost on the robot.
     pub gap: f64,
     /// The latency compensation that was played with, s (`task.plan.latency_compensation_secs`).

@@ -10,9 +10,10 @@ use super::guard::Guard;
 use super::motor_heat_file::HeatFile;
 use super::robot_session::{Live, Session, SessionPace};
 use super::worker::Worker;
+use crate::shaping::limits_for;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
-use etude_robot::rig_file::{RigConfig, RigError, WiresConfig};
+use etude_robot::rig_file::{LimitsConfig, RigConfig, RigError, WiresConfig};
 use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Robot, propose_box};
@@ -60,6 +61,18 @@ impl RigChoice {
         match self {
             Self::Twin(twin_params) => twin_params.rig(),
             Self::File { rig, .. } => (**rig).clone(),
+        }
+    }
+
+    /// The same robot for a policy that was trained in a simulator with these parameters: the rig
+    /// of a twin that has the default limits gets higher ones where that simulator's joints are
+    /// quicker. The limits of a rig's file stay.
+    pub fn for_simulator(&self, params: &PhysicalParams) -> Self {
+        match self {
+            Self::Twin(twin_params) if twin_params.rig().limits == LimitsConfig::default() => {
+                Self::Twin(Box::new((**twin_params).clone().with_limits(limits_for(params))))
+            }
+            choice => choice.clone(),
         }
     }
 

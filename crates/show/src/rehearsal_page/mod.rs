@@ -8,7 +8,7 @@ mod performance;
 use std::path::Path;
 
 use anyhow::Context as _;
-use etude_lab::{Adapted, Iteration, RehearsalConfig, RobotScores, best_iteration};
+use etude_lab::{Adapted, Iteration, Prediction, RehearsalConfig, RobotScores, best_iteration};
 use etude_perform::write_file;
 use maud::{Markup, PreEscaped, html};
 
@@ -164,6 +164,9 @@ fn scores(iterations: &[&Iteration]) -> Markup {
         let [before, after] = iteration
             .held_out_rad
             .map_or_else(Default::default, |errors| errors.map(|e| format!("{:.2}", 1e3 * e)));
+        let predicted = |f1: fn(Prediction) -> f64| {
+            iteration.prediction.map_or_else(String::new, |prediction| format!("{:.3}", f1(prediction)))
+        };
         vec![
             iteration.iteration.to_string(),
             format!("{:.1}\u{a0}of\u{a0}{}", scores.notes.notes_right, scores.notes.notes_due),
@@ -176,6 +179,8 @@ fn scores(iterations: &[&Iteration]) -> Markup {
             format!("{:.1} %", 100.0 * scores.gap),
             before,
             after,
+            predicted(|prediction| prediction.before_fit_f1),
+            predicted(|prediction| prediction.after_fit_f1),
         ]
     });
     let columns = [
@@ -190,6 +195,8 @@ fn scores(iterations: &[&Iteration]) -> Markup {
         "gap",
         "error of the fingers before the fit, mrad",
         "after the fit, mrad",
+        "F1 of the iteration before, as predicted before the fit",
+        "after the fit",
     ];
     table("Notes, F1 by control step, and the error of the simulator in held-out motions", &columns, rows)
 }
@@ -213,6 +220,11 @@ mod tests {
                 gap: 0.06,
             },
             held_out_rad: (iteration > 0).then_some([0.013, 0.0017]),
+            prediction: (iteration > 0).then_some(Prediction {
+                before_fit_f1: 0.957,
+                after_fit_f1: 0.912,
+                played_f1: 0.9,
+            }),
             policy: "p".into(),
             recordings: vec![format!("there/iteration-{iteration}/performance/run-1.mcap").into()],
             physics: match iteration {

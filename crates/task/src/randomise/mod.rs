@@ -44,7 +44,7 @@ const RANDOMISED: &[(&str, SpreadKind)] = &[
     // Dampening of the joints.
     ("joint.all.damping", SpreadKind::Scaled(0.9)),
     // Applied force of each actuator.
-    ("joint.all.stiffness", SpreadKind::Scaled(0.9)),
+    ("joint.all.stiffness", SpreadKind::Force(0.9)),
     // Threshold of a key.
     ("key.threshold", SpreadKind::Between(0.1, 0.9)),
     // Stiffness of the springs.

@@ -1,6 +1,6 @@
 //! How far one parameter is randomised about its nominal value.
 
-use etude_stage::params::{ParamId, PhysicalParams};
+use etude_stage::params::{JointRow, ParamId, PhysicalParams};
 use rand::RngExt as _;
 use rand_pcg::Pcg64;
 
@@ -13,6 +13,9 @@ pub(super) enum SpreadKind {
     Around(f64),
     /// The nominal value times (1 ± this).
     Scaled(f64),
+    /// The force of a joint's actuator times (1 ± this). The parameter is its stiffness; its torque
+    /// limit has the same factor, or a weaker or stronger drive would push as hard as before.
+    Force(f64),
 }
 
 /// One parameter and its range.
@@ -27,7 +30,7 @@ impl Spread {
     pub(super) fn widest(&self) -> f64 {
         match self.kind {
             SpreadKind::Between(..) | SpreadKind::Around(_) => 1.0,
-            SpreadKind::Scaled(width) => width,
+            SpreadKind::Scaled(width) | SpreadKind::Force(width) => width,
         }
     }
 
@@ -40,7 +43,7 @@ impl Spread {
                 if below { -deviation } else { deviation }
             }
             SpreadKind::Around(_) => random.random_range(-1.0..=1.0),
-            SpreadKind::Scaled(width) => random.random_range(-width..=width),
+            SpreadKind::Scaled(width) | SpreadKind::Force(width) => random.random_range(-width..=width),
         }
     }
 
@@ -54,8 +57,12 @@ impl Spread {
                 nominal + intensity * deviation.abs() * (end - nominal)
             }
             SpreadKind::Around(width) => nominal + intensity * deviation * width,
-            SpreadKind::Scaled(_) => nominal * (1.0 + intensity * deviation),
+            SpreadKind::Scaled(_) | SpreadKind::Force(_) => nominal * (1.0 + intensity * deviation),
         };
+        if let (SpreadKind::Force(_), ParamId::Joint(_, joint)) = (self.kind, self.id) {
+            let limit = ParamId::Joint(JointRow::TorqueLimit, joint);
+            params.set_clamped(limit, params.value(limit) * (1.0 + intensity * deviation));
+        }
         params.set_clamped(self.id, value);
     }
 }

@@ -74,8 +74,31 @@ fn exactly_the_papers_seven_quantities_vary() {
     let mut said: Vec<String> = randomisation(&nominal, &config(1.0, Widths::default())).paths().collect();
     assert_eq!(said.len(), 5 + 2 * DRIVEN_JOINTS);
     let place = |path: &String| PhysicalParams::rows().position(|row| row.0 == *path);
+    // The force of an actuator is its stiffness and its torque limit.
+    said.extend(
+        said.clone()
+            .iter()
+            .filter(|path| path.ends_with("stiffness") && path.starts_with("joint"))
+            .map(|path| path.replace("stiffness", "torque_limit")),
+    );
     said.sort_by_key(place);
     assert_eq!(varied, said);
+}
+
+/// A joint that is twice as strong follows twice as stiffly and pushes twice as hard.
+#[test]
+fn the_force_of_an_actuator_is_its_stiffness_and_its_torque_limit() {
+    let nominal = PhysicalParams::default();
+    let (mut weakest, mut strongest) = (1.0_f64, 1.0_f64);
+    for params in draws(0.5) {
+        for joint in 0..DRIVEN_JOINTS {
+            let factor = |row| params.joint(row, joint) / nominal.joint(row, joint);
+            let (stiffness, limit) = (factor(JointRow::Stiffness), factor(JointRow::TorqueLimit));
+            assert!((stiffness - limit).abs() < 1e-12, "joint {joint}: {stiffness} {limit}");
+            (weakest, strongest) = (weakest.min(limit), strongest.max(limit));
+        }
+    }
+    assert!((0.55..0.56).contains(&weakest) && (1.44..1.45).contains(&strongest), "{weakest} {strongest}");
 }
 
 /// Half of the draws lie on either side of the nominal value, wherever identification has put that.
