@@ -8,7 +8,7 @@ use anyhow::{anyhow, bail};
 use etude_perform::Mode;
 use serde::{Deserialize, Serialize};
 
-use etude_lab::{IdentifyMethod, toml_error};
+use etude_lab::{IdentifyMethod, RehearsalFit, toml_error};
 
 // `build.rs` lists the files of `configs/experiments`: name and text of each.
 include!(concat!(env!("OUT_DIR"), "/experiments.rs"));
@@ -54,7 +54,7 @@ pub struct Experiment {
     pub play: Option<PlayConfig>,
     /// The trained policies, or the players, play on the twin.
     pub perform: Option<PerformConfig>,
-    /// Instead of a training: Sim2Real2Sim.
+    /// The trained policies are rehearsed on the twin (Sim2Real2Sim).
     pub rehearse: Option<RehearseConfig>,
     /// Instead of a training: fits to recordings of the twin.
     pub identify: Option<FitConfig>,
@@ -71,7 +71,7 @@ fn default_preset() -> String {
 }
 
 /// One variant of the configuration.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Variant {
     /// Its name in figures and tables.
@@ -79,8 +79,10 @@ pub struct Variant {
     /// Its overrides, `path=value`.
     #[serde(default)]
     pub set: Vec<String>,
-    /// The modes in which it is played, if not those of `[perform]`.
+    /// The modes in which it is played, if not those of `[perform]` or `[rehearse]`.
     pub modes: Option<Vec<Mode>>,
+    /// The twins on which it is played, if not those; with an empty list it is only trained.
+    pub twin_params: Option<Vec<String>>,
 }
 
 /// Who plays, and pieces beside the songs.
@@ -131,12 +133,15 @@ pub struct PerformConfig {
     pub twin_params: Vec<String>,
 }
 
-/// How a rehearsal (Sim2Real2Sim) is done.
+/// How a rehearsal (Sim2Real2Sim) is done: it begins with the trained policy.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RehearseConfig {
-    /// In which modes; each is a separate rehearsal with each parameter set.
+    /// In which modes; each is a separate rehearsal with each parameter set and each fit.
     pub modes: Vec<Mode>,
+    /// How the simulator is fitted.
+    #[serde(default = "our_fit")]
+    pub fits: Vec<RehearsalFit>,
     /// Iterations after the first performance.
     pub iterations: usize,
     /// Performances an iteration.
@@ -144,9 +149,8 @@ pub struct RehearseConfig {
     /// Parameter sets of the twin: names or files.
     #[serde(default = "standard")]
     pub twin_params: Vec<String>,
-    /// How the simulator is fitted: `lm`, or the paper's `bo`.
-    #[serde(default = "lm")]
-    pub fit: IdentifyMethod,
+    /// Steps of the training in each iteration; those of the first training if not given.
+    pub steps: Option<u64>,
     /// Evaluations of each fit at most; the method's own number if not given.
     pub evaluations: Option<u64>,
 }
@@ -163,8 +167,8 @@ pub struct FitConfig {
     pub evaluations: Option<u64>,
 }
 
-fn lm() -> IdentifyMethod {
-    IdentifyMethod::Lm
+fn our_fit() -> Vec<RehearsalFit> {
+    vec![RehearsalFit::Lm]
 }
 
 fn standard() -> Vec<String> {
@@ -298,7 +302,8 @@ impl Experiment {
         }
         if self.perform.is_some() && (self.rehearse.is_some() || self.identify.is_some()) {
             return Err(
-                "[perform] goes with trainings and [play], not with [rehearse] or [identify]".to_string()
+                "[perform] goes with trainings and [play], not with [identify]; iteration 0 of [rehearse] is a performance"
+                    .to_string()
             );
         }
         if let Some((path, _)) = self.grid.iter().find(|(_, values)| values.is_empty()) {

@@ -8,7 +8,7 @@ use etude_lab::{Pianist, RunConfig, find_song, load_pianist, policy_called};
 use etude_learn::seed::fnv;
 use etude_music::{Song, Split, chords, key_is_black, melody};
 
-use crate::config::{Experiment, LearnerConfig, PlayConfig};
+use crate::config::{Experiment, LearnerConfig, PlayConfig, Variant};
 use crate::trial::{TrainingConfig, Trial, TrialWork, fingerprint, id, json};
 use crate::trial_plan::{ExperimentConfig, all_or_first, notes_of};
 
@@ -101,7 +101,7 @@ impl Experiment {
         config: &ExperimentConfig,
     ) -> anyhow::Result<Vec<Trial>> {
         let pieces = self.pieces(play, config.smoke)?;
-        let (perform, on_twin) = self.performance(None, config.smoke)?;
+        let (perform, on_twin) = self.performance(&Variant::default(), config.smoke)?;
         let wrong = |name: &str, error| anyhow!("experiment {}: player `{name}`: {error:#}", self.name);
         let mut trials = Vec::new();
         let mut add = |player: &str, piece: &NamedPiece, id: &str, work: &TrialWork| {
@@ -135,7 +135,7 @@ impl Experiment {
             for piece in &pieces {
                 let all = fingerprint(&notes_of(&piece.song), &resolved) + &source + &on_twin;
                 let training = TrainingConfig { song: Some(piece.name.clone()), ..training.clone() };
-                let work = TrialWork::Train { training, perform: perform.clone() };
+                let work = TrialWork::Train { training, perform: perform.clone(), rehearse: None };
                 add(&learner.name, piece, &id("train", &piece.name, seed, &all), &work);
             }
         }

@@ -8,14 +8,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use etude_lab::{
-    IdentifyMethod, RehearsalConfig, RunConfig, beginning_with, load_pianist, policy_called, resolve,
+    IdentifyMethod, RunConfig, beginning_with, load_pianist, policy_called, resolve,
     set_latency_compensation, slug,
 };
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
 use serde::{Deserialize, Serialize};
 
-use crate::config::PerformConfig;
+use crate::config::{PerformConfig, RehearseConfig};
 
 /// One unit of an experiment's work.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,12 +43,16 @@ impl Trial {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum TrialWork {
-    /// A song or a corpus is learned and, with `perform`, the song is played on the twin.
+    /// A song or a corpus is learned and, with `perform`, the song is played on the twin; with
+    /// `rehearse` its policy goes through Sim2Real2Sim.
     Train {
         /// How it is learned.
         training: TrainingConfig,
         /// How it is played.
         perform: Option<PerformConfig>,
+        /// How it is rehearsed.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        rehearse: Option<RehearseConfig>,
     },
     /// A player that is ready plays.
     Play {
@@ -62,8 +66,6 @@ pub enum TrialWork {
         /// Seed of the twin's noise.
         seed: u64,
     },
-    /// Sim2Real2Sim.
-    Rehearse(RehearsalConfig),
     /// The simulator is fitted to the twin's excitations.
     Identify {
         /// Parameter set of the twin: a name or a file.

@@ -3,10 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{anyhow, bail};
-use etude_lab::{RehearsalConfig, find_song};
+use etude_lab::find_song;
 use etude_music::Song;
-use etude_perform::session::TWIN;
-use etude_perform::{Mode, shell_word};
+use etude_perform::shell_word;
 use etude_twin::TwinParams;
 
 use crate::config::{Experiment, FitConfig, PerformConfig, RehearseConfig, Variant, sets_seed};
@@ -123,7 +122,7 @@ impl Experiment {
             .transpose()?
             .map_or_else(String::new, |song| notes_of(&song));
         let mut trials = Vec::new();
-        let alone = [Variant { name: String::new(), set: Vec::new(), modes: None }];
+        let alone = [Variant::default()];
         let variants = if self.variants.is_empty() { &alone[..] } else { &self.variants };
         for variant in variants {
             for point in self.grid_points(smoke) {
@@ -149,8 +148,7 @@ impl Experiment {
                 let resolved = training.resolve().map_err(wrong)?;
                 let mut what = fingerprint(&notes, &resolved);
                 match &resolved.corpus {
-                    // A rehearsal of a song may train on a corpus.
-                    Some(corpus) if song.is_none() || self.rehearse.is_some() => {
+                    Some(corpus) if song.is_none() => {
                         what += &format!("{:016x}", corpus.checksum()?);
                     }
                     None if song.is_none() => {
@@ -168,21 +166,11 @@ impl Experiment {
                         self.name
                     );
                 }
-                match &self.rehearse {
-                    Some(rehearse) => {
-                        // Fits are what a smoke test would spend its time on.
-                        for name in all_or_first(&rehearse.twin_params, smoke) {
-                            let what = format!("{what}{}", self.fingerprint_of_twin(name)?);
-                            trials.extend(rehearsals(rehearse, name, &training, &labels, smoke, seed, &what));
-                        }
-                    }
-                    None => {
-                        let (perform, on_twin) = self.performance(variant.modes.as_deref(), smoke)?;
-                        let name = training.song.as_deref().unwrap_or(CORPUS);
-                        let id = id("train", name, seed, &format!("{what}{on_twin}"));
-                        trials.push(Trial { id, labels, work: TrialWork::Train { training, perform } });
-                    }
-                }
+                let (perform, on_twin) = self.performance(variant, smoke)?;
+                let (rehearse, rehearsed) = self.rehearsal(variant, smoke)?;
+                let name = training.song.as_deref().unwrap_or(CORPUS);
+                let id = id("train", name, seed, &format!("{what}{on_twin}{rehearsed}"));
+                trials.push(Trial { id, labels, work: TrialWork::Train { training, perform, rehearse } });
             }
         }
         Ok(trials)
@@ -191,13 +179,13 @@ impl Experiment {
     /// How a player plays on the twin, and a text that differs where the result may.
     pub(crate) fn performance(
         &self,
-        modes: Option<&[Mode]>,
+        variant: &Variant,
         smoke: bool,
     ) -> anyhow::Result<(Option<PerformConfig>, String)> {
         let perform = self.perform.clone().map(|perform| PerformConfig {
-            modes: modes.map_or_else(|| perform.modes.clone(), <[Mode]>::to_vec),
+            modes: variant.modes.clone().unwrap_or(perform.modes),
             runs: if smoke { 1 } else { perform.runs },
-            ..perform
+            twin_params: variant.twin_params.clone().unwrap_or(perform.twin_params),
         });
         let mut text = json(&perform);
         if perform.is_some() {
@@ -207,6 +195,28 @@ impl Experiment {
             text += &self.fingerprint_of_twin(name)?;
         }
         Ok((perform, text))
+    }
+
+    /// How a trained policy is rehearsed, and a text that differs where the result may. In a smoke
+    /// test once, since fits are what it would spend its time on.
+    fn rehearsal(&self, variant: &Variant, smoke: bool) -> anyhow::Result<(Option<RehearseConfig>, String)> {
+        let Some(rehearse) = self.rehearse.clone() else { return Ok((None, String::new())) };
+        let modes = variant.modes.clone().unwrap_or(rehearse.modes);
+        let twin_params = variant.twin_params.clone().unwrap_or(rehearse.twin_params);
+        let rehearse = RehearseConfig {
+            modes: all_or_first(&modes, smoke).to_vec(),
+            twin_params: all_or_first(&twin_params, smoke).to_vec(),
+            fits: all_or_first(&rehearse.fits, smoke).to_vec(),
+            iterations: if smoke { 1 } else { rehearse.iterations },
+            runs: if smoke { 1 } else { rehearse.runs },
+            steps: rehearse.steps.filter(|_| !smoke),
+            evaluations: if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations },
+        };
+        let mut text = json(&rehearse) + PLAYED;
+        for name in &rehearse.twin_params {
+            text += &self.fingerprint_of_twin(name)?;
+        }
+        Ok((Some(rehearse), text))
     }
 
     /// Every combination of the grid's values; in a smoke test, of the first and the last of each.
@@ -237,49 +247,6 @@ impl Experiment {
         let params = TwinParams::load(name).map_err(|error| anyhow!("experiment {}: {error}", self.name))?;
         Ok(format!("{:08x}", params.fingerprint()))
     }
-}
-
-fn rehearsals(
-    rehearse: &RehearseConfig,
-    twin_params: &str,
-    training: &TrainingConfig,
-    labels: &BTreeMap<String, String>,
-    smoke: bool,
-    seed: u64,
-    what: &str,
-) -> Vec<Trial> {
-    let trial = |mode: &Mode| {
-        let (iterations, runs) = if smoke { (1, 1) } else { (rehearse.iterations, rehearse.runs) };
-        let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
-        // A later iteration continues from the best one.
-        let from = if iterations > 1 { " from the best iteration" } else { "" };
-        let fit = rehearse.fit;
-        let all = format!(
-            "{what}{mode}{iterations} {runs} {twin_params} {} {evaluations:?}{from}{PLAYED}",
-            fit.name()
-        );
-        let mut labels = labels.clone();
-        labels.insert("mode".to_string(), mode.name().to_string());
-        labels.insert("twin_params".to_string(), twin_params.to_string());
-        let work = TrialWork::Rehearse(RehearsalConfig {
-            song: labels["song"].clone(),
-            rig: TWIN.to_string(),
-            twin_params: Some(twin_params.to_string()),
-            iterations,
-            runs,
-            mode: *mode,
-            preset: training.preset.clone(),
-            overrides: training.set.clone(),
-            policy: None,
-            simulator: None,
-            method: fit,
-            evaluations,
-            seed,
-            threads: None,
-        });
-        Trial { id: id("rehearse", &labels["song"], seed, &all), labels, work }
-    };
-    all_or_first(&rehearse.modes, smoke).iter().map(trial).collect()
 }
 
 /// The notes of a song, and its length, as part of an id.

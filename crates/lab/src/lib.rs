@@ -46,7 +46,7 @@ pub use play::{Files, PAGE, PlayReport, RECORDING, REPORT, play, scores_in_simul
 pub use policy_files::{policies, policy_called, shipped_policy};
 pub use record::{Recorded, RobotMotion, record_robot};
 pub use rehearse::{
-    Iteration, Prediction, RehearsalConfig, RehearsalStep, best_iteration, rehearse_on_robot,
+    Iteration, Prediction, RehearsalConfig, RehearsalFit, RehearsalStep, best_iteration, rehearse_on_robot,
     set_latency_compensation,
 };
 pub use results::{LATEST, all_results, folder_of_song, is_other_result, latest_result, numbered};

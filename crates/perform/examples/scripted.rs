@@ -43,7 +43,7 @@ fn table(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
     );
     for id in repertoire::ids() {
         let (player, performance) = play(config, id)?;
-        let Scores { frame, note } = performance.scores();
+        let Scores { frame, note, .. } = performance.scores();
         println!(
             "{id:18} {:6.3} {:9.3} {:6.3} {:8.3} {:6.3}  {}",
             frame.f1,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
-    AdaptConfig, AdaptStep, Adapted, IdentifyMethod, Iteration, Prediction, RehearsalConfig, RehearsalStep,
+    AdaptConfig, AdaptStep, Adapted, Iteration, Prediction, RehearsalConfig, RehearsalFit, RehearsalStep,
     RobotRun, RobotScores, RobotStep, SIGHT_READER, adapt_on_robot, adapted_before, best_iteration,
     find_song, policy_called, rehearse_on_robot, shipped_policy,
 };
@@ -80,9 +80,10 @@ pub struct Args {
     simulator: Option<PathBuf>,
     /// How the simulator is fitted. `bo`, the paper's: Bayesian optimisation, first on hand opening
     /// and closing, then on what was played too (the default of --preset paper). `lm`, ours:
-    /// Levenberg-Marquardt on all excitations and slow presses of keys (the default)
-    #[arg(long, value_name = "lm|bo")]
-    fit: Option<IdentifyMethod>,
+    /// Levenberg-Marquardt on all excitations and slow presses of keys (the default). `none`: the
+    /// same trainings in the unfitted simulator, to compare with
+    #[arg(long, value_name = "lm|bo|none")]
+    fit: Option<RehearsalFit>,
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
@@ -118,7 +119,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
         etude_lab::resolve(&args.preset, args.simulator.as_deref(), &overrides)?.corpus.is_some();
     let learned = if has_corpus { SIGHT_READER.to_string() } else { name };
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(format!("rehearse-{learned}")));
-    let fit = if args.preset == PAPER { IdentifyMethod::Bo } else { IdentifyMethod::Lm };
+    let fit = if args.preset == PAPER { RehearsalFit::Bo } else { RehearsalFit::Lm };
     let config = RehearsalConfig {
         song: args.song,
         rig: rig.name().to_string(),
@@ -133,7 +134,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
         overrides,
         policy: args.policy.as_deref().map(policy_called).transpose()?.or_else(|| shipped_policy(&learned)),
         simulator: args.simulator,
-        method: args.fit.unwrap_or(fit),
+        fit: args.fit.unwrap_or(fit),
         evaluations: args.evaluations,
         seed: args.seed,
         threads: None,

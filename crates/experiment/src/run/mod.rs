@@ -4,7 +4,7 @@
 //! ```text
 //! RUNS/ID/task.json     the trial
 //! RUNS/ID/training/     the run, if something is learned
-//! RUNS/ID/rehearsal/    the rehearsal, if it is one
+//! RUNS/ID/rehearsal/    the rehearsals, if there are any, by twin, mode and fit
 //! RUNS/ID/recordings/   excitations of the twin, and RUNS/ID/identified/, of a fit
 //! RUNS/ID/log.txt       messages of the trial's process
 //! RUNS/ID/times.json    when, where and how long: this differs between machines
@@ -27,7 +27,7 @@ use etude_perform::session::{TWIN, rig_choice};
 use etude_perform::{Job, Mode, Scores, gap, write_file};
 use serde::Serialize;
 
-use crate::config::PerformConfig;
+use crate::config::{PerformConfig, RehearseConfig};
 use crate::curves::evaluations;
 use crate::outcome::{
     LOCK, RESULT, ResultRow, TIMES, TRIAL, TrialEnd, TrialProgress, TrialResult, TrialTimes, Values,
@@ -46,6 +46,8 @@ const STOPPED: &str = "stopped on request";
 const SEED_STRIDE: u64 = 1000;
 /// Share of a trial's time that the training takes where a performance follows.
 const TRAINING_SHARE: f64 = 0.9;
+/// The same where rehearsals follow.
+const TRAINING_AND_REHEARSALS_SHARE: f64 = 0.3;
 
 /// Does a trial in its folder among `runs`, or resumes it. `threads` as in `trainer.threads`;
 /// `command` is stored with the times.
@@ -90,11 +92,12 @@ pub fn run_trial(
     write_json(&folder.join(TRIAL), trial)?;
     let mut running = RunningTrial { trial, folder: &folder, threads, command, job };
     let done = match &trial.work {
-        TrialWork::Train { training, perform } => running.train_and_perform(training, perform.as_ref()),
+        TrialWork::Train { training, perform, rehearse } => {
+            running.train(training, perform.as_ref(), rehearse.as_ref())
+        }
         TrialWork::Play { song, player, perform, seed } => {
             running.play(song, player, perform.as_ref(), *seed)
         }
-        TrialWork::Rehearse(config) => running.rehearse(config),
         TrialWork::Identify { twin_params, method, evaluations, seed } => {
             running.identify(twin_params, *method, *evaluations, *seed)
         }
@@ -151,10 +154,11 @@ impl RunningTrial<'_, '_> {
         }
     }
 
-    fn train_and_perform(
+    fn train(
         &mut self,
         training: &TrainingConfig,
         perform: Option<&PerformConfig>,
+        rehearse: Option<&RehearseConfig>,
     ) -> anyhow::Result<(TrialResult, TrialTimes)> {
         let song = training.song.as_deref().map(find_piece).transpose()?;
         let folder = self.folder.join("training");
@@ -170,7 +174,11 @@ impl RunningTrial<'_, '_> {
             source.as_deref(),
             &mut SongPlanner::default(),
         )?;
-        let share = if perform.is_some() { TRAINING_SHARE } else { 1.0 };
+        let share = match (perform, rehearse) {
+            (_, Some(_)) => TRAINING_AND_REHEARSALS_SHARE,
+            (Some(_), None) => TRAINING_SHARE,
+            (None, None) => 1.0,
+        };
         let on_progress = |at: &TrainingProgress| TrialProgress {
             phase: "training".to_string(),
             share: share * at.share(),
@@ -182,9 +190,12 @@ impl RunningTrial<'_, '_> {
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let rows = match &song {
-            Some(song) => self.scores(song, &load_pianist(&folder)?, perform, seed, share)?,
-            None => vec![result_row(&[], &of_validation(&best))],
+        let rows = match (&song, rehearse) {
+            (Some(_), Some(rehearse)) if !rehearse.twin_params.is_empty() => {
+                self.rehearse_on_twins(training, rehearse, seed)?
+            }
+            (Some(song), _) => self.scores(song, &load_pianist(&folder)?, perform, seed, share)?,
+            (None, _) => vec![result_row(&[], &of_validation(&best))],
         };
         let (curve, secs) = evaluations(&folder.join("metrics.jsonl"))?;
         Ok((self.result(rows, curve), self.times(outcome.elapsed_secs, secs)))

@@ -1,47 +1,105 @@
 //! Trials of Sim2Real2Sim: rehearsals, and fits alone.
 
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::path::Path;
 
 use etude_identify::Progress;
 use etude_lab::{
     Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, find_song, identify_robot,
-    record_excitations, rehearse_on_robot,
+    record_excitations, rehearse_on_robot, slug,
 };
 use etude_perform::session::{TWIN, rig_choice};
 use etude_perform::{Excitation, Job};
 use etude_show::RehearsalPage;
 
-use super::{RunningTrial, SEED_STRIDE, result_row};
+use super::{RunningTrial, SEED_STRIDE, TRAINING_AND_REHEARSALS_SHARE, result_row};
+use crate::config::RehearseConfig;
 use crate::curves::FitCurve;
-use crate::outcome::{TrialResult, TrialTimes};
+use crate::outcome::{ResultRow, TrialResult, TrialTimes};
+use crate::trial::TrainingConfig;
 
 /// Name of the file with the curve of a fit.
 const CURVE: &str = "curve.json";
 
 impl RunningTrial<'_, '_> {
-    pub(super) fn rehearse(&mut self, config: &RehearsalConfig) -> anyhow::Result<(TrialResult, TrialTimes)> {
-        let begun = Instant::now();
+    /// The rows of a policy's rehearsals: with each parameter set of the twin, mode and fit.
+    pub(super) fn rehearse_on_twins(
+        &mut self,
+        training: &TrainingConfig,
+        rehearse: &RehearseConfig,
+        seed: u64,
+    ) -> anyhow::Result<Vec<ResultRow>> {
+        let song = training.song.clone().unwrap_or_default();
+        let modes = rehearse.modes.iter().flat_map(|mode| rehearse.fits.iter().map(move |fit| (mode, fit)));
+        let sets = rehearse.twin_params.iter();
+        let all: Vec<_> =
+            sets.flat_map(|set| modes.clone().map(move |(mode, fit)| (set, mode, fit))).collect();
+        let mut rows = Vec::new();
+        for (index, (twin_params, mode, fit)) in all.iter().enumerate() {
+            let steps = rehearse.steps.map(|steps| format!("trainer.total_steps={steps}"));
+            let config = RehearsalConfig {
+                song: song.clone(),
+                rig: TWIN.to_string(),
+                twin_params: Some(twin_params.to_string()),
+                iterations: rehearse.iterations,
+                runs: rehearse.runs,
+                mode: **mode,
+                preset: training.preset.clone(),
+                overrides: training.set.iter().cloned().chain(steps).collect(),
+                policy: Some(self.folder.join("training")),
+                simulator: None,
+                fit: **fit,
+                evaluations: rehearse.evaluations,
+                seed,
+                threads: Some(self.threads),
+            };
+            let labels = [
+                ("twin_params", twin_params.to_string()),
+                ("mode", mode.to_string()),
+                ("fit", fit.to_string()),
+            ];
+            let folder = slug(&format!("{twin_params}-{mode}-{fit}"));
+            let done = index as f64 / all.len() as f64;
+            let share = |part: f64| {
+                let done = done + part / all.len() as f64;
+                TRAINING_AND_REHEARSALS_SHARE + (1.0 - TRAINING_AND_REHEARSALS_SHARE) * done
+            };
+            rows.extend(self.rehearse(
+                &config,
+                &self.folder.join("rehearsal").join(folder),
+                &labels,
+                share,
+            )?);
+        }
+        Ok(rows)
+    }
+
+    fn rehearse(
+        &mut self,
+        config: &RehearsalConfig,
+        folder: &Path,
+        labels: &[(&str, String)],
+        share: impl Fn(f64) -> f64 + Sync,
+    ) -> anyhow::Result<Vec<ResultRow>> {
         let song = find_song(&config.song, false)?;
         let rig = rig_choice(&config.rig, config.twin_params.as_deref().unwrap_or_default())?;
-        let config = RehearsalConfig { threads: Some(self.threads), ..config.clone() };
-        let (folder, interrupt) = (self.folder.join("rehearsal"), self.job.interrupt());
+        let interrupt = self.job.interrupt();
         let parts = (config.iterations + 1) as f64;
-        let mut page = RehearsalPage::new(&config, &folder);
+        let mut page = RehearsalPage::new(config, folder);
         let mut on_progress = |step: &RehearsalStep| match step {
             RehearsalStep::Identifying(number, at) => {
                 let phase = format!("iteration {number}: {}", at.pass.name());
-                self.report(&phase, *number as f64 / parts, None);
+                self.report(&phase, share(*number as f64 / parts), None);
             }
             RehearsalStep::Training(number, at) => {
-                let share = (*number as f64 + at.share()) / parts;
-                self.report(&format!("iteration {number}: training"), share, at.best_f1);
+                let part = (*number as f64 + at.share()) / parts;
+                self.report(&format!("iteration {number}: training"), share(part), at.best_f1);
             }
             RehearsalStep::Iteration(iteration) => page.add(iteration),
             _ => {}
         };
         let mut job = Job::new(&mut on_progress, interrupt);
-        let iterations = rehearse_on_robot(&song, &rig, &config, &folder, &mut job)?;
+        let iterations = rehearse_on_robot(&song, &rig, config, folder, &mut job)?;
         page.checked()?;
         let rows = iterations.iter().map(|iteration| {
             let scores = &iteration.scores;
@@ -50,6 +108,8 @@ impl RunningTrial<'_, '_> {
                 ("f1", scores.robot_f1),
                 ("onset_f1", scores.notes.onset_f1),
                 ("onset_f1_without_lag", scores.notes.onset_f1_without_lag),
+                ("notes_right", scores.notes.notes_right),
+                ("notes_wrong", scores.notes.notes_wrong),
                 ("gap", scores.gap),
             ];
             if let Some([before, after]) = iteration.held_out_rad {
@@ -62,9 +122,10 @@ impl RunningTrial<'_, '_> {
                     ("predicted_played", prediction.played_f1),
                 ]);
             }
-            result_row(&[("iteration", iteration.iteration.to_string())], &values)
+            let number = [("iteration", iteration.iteration.to_string())];
+            result_row(&[labels, &number].concat(), &values)
         });
-        Ok((self.result(rows.collect(), Vec::new()), self.times(begun.elapsed().as_secs_f64(), Vec::new())))
+        Ok(rows.collect())
     }
 
     pub(super) fn identify(

@@ -45,7 +45,7 @@ fn a_corpus_is_learned_once_a_seed() {
     let trials = plan(mine, &ExperimentConfig::default());
     assert_eq!(trials.len(), 2);
     for (seed, trial) in trials.iter().enumerate() {
-        let TrialWork::Train { training, perform: None } = &trial.work else { panic!("{trial:?}") };
+        let TrialWork::Train { training, perform: None, .. } = &trial.work else { panic!("{trial:?}") };
         assert_eq!(training.song, None);
         assert_eq!(training.resolve().unwrap().trainer.seed, seed as u64);
         assert!(trial.id.starts_with(&format!("train__corpus__{seed}__")), "{}", trial.id);
@@ -75,12 +75,6 @@ fn another_corpus_is_another_trial() {
     };
     let [first, second, again] = [1, 2, 1].map(id);
     assert!(first != second && first == again);
-    let rehearse = "songs = ['twinkle']\n[rehearse]\nmodes = ['real']\niterations = 1\nruns = 1\n";
-    let id = |seed: u64| {
-        etude_music::melody(seed).save(folder.path().join("one.mid")).unwrap();
-        plan(&format!("{mine}{rehearse}"), &ExperimentConfig::default())[0].id.clone()
-    };
-    assert_ne!(id(1), id(2));
 }
 
 #[test]
@@ -106,7 +100,7 @@ fn ids_are_those_of_the_work_whoever_asks_for_it() {
 fn a_smoke_test_does_everything_once() {
     let trials = plan(MINE, &ExperimentConfig { smoke: true, ..ExperimentConfig::default() });
     assert_eq!(trials.len(), 2 * 2);
-    let TrialWork::Train { training, perform } = &trials[0].work else { panic!("{trials:?}") };
+    let TrialWork::Train { training, perform, .. } = &trials[0].work else { panic!("{trials:?}") };
     assert_eq!(training.resolve().unwrap().trainer.total_steps, 480);
     assert_eq!(perform.as_ref().unwrap().runs, 1);
 }
@@ -138,11 +132,24 @@ fn twin_parameters_are_part_of_the_work_and_each_set_has_its_rehearsal() {
     let rehearse =
         MINE.replace("[perform]", "[rehearse]\niterations = 1\ntwin_params = ['standard', 'worn']");
     let rehearsals = plan(&rehearse, &config);
-    assert_eq!(rehearsals.len(), 2 * one.len());
-    assert_eq!(ids(&rehearsals).len(), rehearsals.len());
+    assert_eq!(rehearsals.len(), one.len(), "a policy is trained once and rehearsed on each");
     for trial in &rehearsals {
-        let TrialWork::Rehearse(rehearsal) = &trial.work else { panic!("{trial:?}") };
-        assert_eq!(Some(&trial.labels["twin_params"]), rehearsal.twin_params.as_ref());
+        let TrialWork::Train { perform: None, rehearse: Some(rehearse), .. } = &trial.work else {
+            panic!("{trial:?}")
+        };
+        assert_eq!(rehearse.twin_params, ["standard", "worn"]);
+    }
+    let other_fit = plan(&rehearse.replace("iterations = 1", "iterations = 1\nfits = ['bo']"), &config);
+    assert!(ids(&rehearsals).is_disjoint(&ids(&other_fit)));
+    // A variant may be played on other twins, or be trained alone.
+    let alone = plan(&rehearse.replace("name = \"none\"", "name = \"none\"\ntwin_params = []"), &config);
+    let twins = |trial: &Trial| match &trial.work {
+        TrialWork::Train { rehearse: Some(rehearse), .. } => rehearse.twin_params.len(),
+        _ => panic!("{trial:?}"),
+    };
+    for (trial, before) in alone.iter().zip(&rehearsals) {
+        assert_eq!(twins(trial), if trial.labels["variant"] == "none" { 0 } else { 2 });
+        assert_eq!(trial.id == before.id, trial.labels["variant"] != "none");
     }
 }
 

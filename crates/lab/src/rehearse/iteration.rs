@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use etude_perform::Mode;
+use serde::de::IntoDeserializer as _;
 use serde::{Deserialize, Serialize};
 
 use crate::identify::IdentifyMethod;
@@ -12,6 +13,45 @@ use crate::robot::RobotScores;
 /// robot.
 pub fn set_latency_compensation(overrides: &[String]) -> bool {
     overrides.iter().any(|set| set.trim_start().starts_with("task.plan.latency_compensation_secs"))
+}
+
+/// How a rehearsal fits the simulator before each training.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RehearsalFit {
+    /// Ours: Levenberg–Marquardt on all excitations and slow presses of keys. Later iterations fit
+    /// the keyboard alone, to what was played.
+    Lm,
+    /// The paper's: Bayesian optimisation, first on hand opening and closing, in later iterations
+    /// on that and on what was played.
+    Bo,
+    /// Not at all: as many steps of training in the same simulator, to compare with.
+    None,
+}
+
+impl RehearsalFit {
+    /// The method of identification, if there is one.
+    pub(super) fn method(self) -> Option<IdentifyMethod> {
+        match self {
+            Self::Lm => Some(IdentifyMethod::Lm),
+            Self::Bo => Some(IdentifyMethod::Bo),
+            Self::None => None,
+        }
+    }
+}
+
+impl std::str::FromStr for RehearsalFit {
+    type Err = serde::de::value::Error;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::deserialize(text.into_deserializer())
+    }
+}
+
+impl std::fmt::Display for RehearsalFit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.method().map_or("none", IdentifyMethod::name))
+    }
 }
 
 /// What to rehearse, and how.
@@ -39,9 +79,8 @@ pub struct RehearsalConfig {
     /// A simulator whose drives are fitted to this robot already, as `etude identify` and
     /// rehearsals write it: only its keyboard is fitted then, to what was played.
     pub simulator: Option<PathBuf>,
-    /// Method of identification. `bo` is the paper's: the first fit is to hand opening and closing
-    /// alone, and each later one fits the drives to what was played too.
-    pub method: IdentifyMethod,
+    /// How the simulator is fitted.
+    pub fit: RehearsalFit,
     /// Evaluations of each fit at most.
     pub evaluations: Option<u64>,
     /// Seed of identification and performances.

@@ -39,7 +39,9 @@ use crate::song_planner::SongPlanner;
 use crate::training_progress::TrainingProgress;
 use crate::warm_start::beginning_with;
 
-pub use iteration::{Iteration, Prediction, RehearsalConfig, best_iteration, set_latency_compensation};
+pub use iteration::{
+    Iteration, Prediction, RehearsalConfig, RehearsalFit, best_iteration, set_latency_compensation,
+};
 
 /// Name of the result of an iteration in its folder.
 const RESULT: &str = "iteration.json";
@@ -130,8 +132,8 @@ impl Rehearsal<'_> {
         make_folder(&folder)?;
         let (mut held_out_rad, mut prediction) = (None, None);
         let (mut physics, mut layer) = (Default::default(), None);
-        if let Some(before) = earlier.last() {
-            let report = self.identify(iteration, before, &folder.join("identified"), job)?;
+        if let (Some(before), Some(method)) = (earlier.last(), self.config.fit.method()) {
+            let report = self.identify(iteration, before, method, &folder.join("identified"), job)?;
             let errors = report.held_out_errors;
             held_out_rad = (!errors.joints.is_empty()).then_some(errors.fingers);
             physics = report.identified.physics;
@@ -165,6 +167,7 @@ impl Rehearsal<'_> {
         &self,
         iteration: usize,
         before: &Iteration,
+        method: IdentifyMethod,
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<IdentifyReport> {
@@ -180,18 +183,17 @@ impl Rehearsal<'_> {
                 Ok(_) => performances.push(path.clone()),
             }
         }
-        let is_paper = self.config.method == IdentifyMethod::Bo;
         // The excitations are the same in each iteration. Once our own fit has fitted the drives to
         // them, the keyboard is left: only its own excitation, the held-out one and the new
         // performances are needed. The paper's begins with hand opening and closing alone, and
         // refines the drives by what was played.
         let fitted_before = (iteration > 1 || self.config.simulator.is_some()) && !performances.is_empty();
-        let wanted: &[Excitation] = match self.config.method {
+        let wanted: &[Excitation] = match method {
             IdentifyMethod::Bo => &[Excitation::OpenClose, Excitation::HeldOut],
             IdentifyMethod::Lm if fitted_before => &[Excitation::Keys, Excitation::HeldOut],
             IdentifyMethod::Lm => &Excitation::ALL,
         };
-        if is_paper && !fitted_before {
+        if method == IdentifyMethod::Bo && !fitted_before {
             performances.clear();
         }
         let excitations = record_excitations(
@@ -211,7 +213,7 @@ impl Rehearsal<'_> {
         let what = Identification {
             recordings: excitations.into_iter().chain(performances).collect(),
             held_out: Vec::new(),
-            method: self.config.method,
+            method,
             evaluations: self.config.evaluations,
             seed: self.config.seed,
             start,

@@ -204,7 +204,7 @@ fn scores(iterations: &[&Iteration]) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use etude_lab::{IdentifyMethod, MeanNotes};
+    use etude_lab::{MeanNotes, RehearsalFit};
     use etude_perform::NoteCounts;
 
     pub(super) fn iteration(iteration: usize) -> Iteration {
@@ -218,6 +218,7 @@ mod tests {
                 robot_f1: 0.9,
                 robot_f1_std: 0.01,
                 gap: 0.06,
+                ..RobotScores::default()
             },
             held_out_rad: (iteration > 0).then_some([0.013, 0.0017]),
             prediction: (iteration > 0).then_some(Prediction {
@@ -247,7 +248,7 @@ mod tests {
             overrides: Vec::new(),
             policy: None,
             simulator: None,
-            method: IdentifyMethod::Lm,
+            fit: RehearsalFit::Lm,
             evaluations: None,
             seed: 0,
             threads: None,
