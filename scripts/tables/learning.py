@@ -59,6 +59,9 @@ def notes_of(evaluations):
     return f"{right:g} of {right + missed:g}, {wrong:g}"
 
 
+NUMBERS = {5: "five", 20: "twenty"}
+
+
 def time_to(level, curves):
     """Mean steps and seconds until the curves reach a level, and how many do if not all."""
     firsts = []
@@ -77,13 +80,14 @@ def time_to(level, curves):
     argument("--rule", default="articulated plan", help="by which F1 is counted, for the heading"),
     argument("--best-by", default="overall", help="the score that chooses the policy: overall (F1 and onset F1) or f1"),
     argument("--level", type=float, default=0.9, help="the F1 whose first evaluation is counted"),
+    argument("--last", type=int, default=5, help="how many of the last evaluations are averaged"),
 )
 def learning(options):
     """Scores and times of trainings, from their curves. Times include start and evaluations."""
     name, curves = curves_of(options.source)
     head(
         name, "seeds", f"F1 ({options.rule}) of the best policy: mean (each)", "its notes right, wrong", "its onset F1",
-        "last five: F1", f"F1 {options.level:g} after", "steps", "time",
+        f"last {NUMBERS.get(options.last, options.last)}: F1", f"F1 {options.level:g} after", "steps", "time",
     )
     for label, runs in curves.items():
         kept = [best(rows, options.best_by) for rows in runs]
@@ -94,11 +98,24 @@ def learning(options):
             f"{statistics.mean(f1):.3f} ({', '.join(f'{one:.3f}' for one in f1)})" if len(f1) > 1 else f"{f1[0]:.3f}",
             notes_of(kept),
             mean(float(row["onset_f1"]) for row in kept),
-            mean(float(row["f1"]) for rows in runs for row in rows[-5:]),
+            mean(float(row["f1"]) for rows in runs for row in rows[-options.last :]),
             time_to(options.level, runs),
             f"{int(runs[0][-1]['step']):,}",
             f"{statistics.mean(float(rows[-1]['secs']) for rows in runs):.0f} s",
         )
+
+
+@command("worlds", argument("source", type=pathlib.Path, help="folder of WORLD-SEED.csv"))
+def worlds(options):
+    """F1 of one song in several worlds, each the mean of three evaluations up to that step."""
+    steps = range(100_000, 500_000, 100_000)
+    head("world", *(f"{step:,}" for step in steps), "best", "steps")
+    for label, runs in curves_of(options.source)[1].items():
+        for rows in runs:
+            f1 = {int(entry["step"]): float(entry["f1"]) for entry in rows}
+            recent = ([f1[step] for step in sorted(f1) if step <= end][-3:] for end in steps)
+            cells = (f"{statistics.mean(of_end):.3f}" if end <= max(f1) else "–" for end, of_end in zip(steps, recent))
+            row(label.replace("-", " "), *cells, f"{max(f1.values()):.3f}", f"{max(f1):,}")
 
 
 def column(folder, name):

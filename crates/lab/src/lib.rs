@@ -33,7 +33,7 @@ mod zero_shot;
 
 pub use adapt::{AdaptConfig, AdaptRun, AdaptStep, Adapted, adapt_on_robot, adapted_before};
 pub use choose_player::{Chosen, pianist_for};
-pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve, toml_error};
+pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve, stored_config, toml_error};
 pub use correction::CorrectionFile;
 pub use doctor::{Finding, examine};
 pub use errors::{Interrupted, released};

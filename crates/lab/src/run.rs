@@ -13,7 +13,7 @@ use etude_perform::{Job, SongEvaluator, shell_word, write_file};
 use etude_task::{Corpus, TaskConfig, VectorPiano};
 use serde_json::{Value, json};
 
-use crate::config::{RunConfig, change_resumable, resolve as resolve_config};
+use crate::config::{RunConfig, change_resumable, stored_config};
 use crate::errors::unusable;
 use crate::folder::{CONFIG, META, SONG, make_folder, other_notes, policy_in};
 use crate::pianist::open;
@@ -140,7 +140,7 @@ impl Run {
         }
         let settings =
             Some(folder.join(CONFIG)).filter(|config| config.is_file()).ok_or_else(|| without(CONFIG))?;
-        let config = resolve_config("paper", Some(&settings), &[])
+        let config = stored_config(&settings)
             .with_context(|| {
                 let from = shell_word(folder.display());
                 format!(

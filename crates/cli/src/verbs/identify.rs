@@ -61,7 +61,7 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let start = match &args.from {
-        Some(path) => etude_lab::resolve("paper", Some(path), &[])?.task.physics,
+        Some(path) => etude_lab::stored_config(path)?.task.physics,
         None => TaskConfig::default().physics,
     };
     let all = |paths: Vec<PathBuf>| -> anyhow::Result<Vec<PathBuf>> {

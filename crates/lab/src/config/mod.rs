@@ -92,11 +92,23 @@ pub fn resolve(preset: &str, file: Option<&Path>, overrides: &[String]) -> anyho
     };
     let mut table = parse(text, &format!("preset {preset}"))?;
     if let Some(path) = file {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| anyhow!("cannot read the configuration {}: {error}", path.display()))?;
-        merge(&mut table, parse(&text, &path.display().to_string())?);
+        merge(&mut table, read(path)?);
     }
     finish(table, overrides)
+}
+
+/// The configuration in the TOML `file` over the defaults of the code, without a preset.
+///
+/// # Errors
+/// As [`resolve`].
+pub fn stored_config(file: &Path) -> anyhow::Result<RunConfig> {
+    finish(read(file)?, &[])
+}
+
+fn read(path: &Path) -> anyhow::Result<toml::Table> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| anyhow!("cannot read the configuration {}: {error}", path.display()))?;
+    parse(&text, &path.display().to_string())
 }
 
 /// `config` with single values changed.
@@ -142,11 +154,18 @@ mod tests {
     use etude_task::Widths;
 
     #[test]
-    fn every_preset_resolves_and_the_paper_is_the_default() {
+    fn every_preset_resolves_and_the_paper_is_the_default_in_its_own_world() {
         for (name, _) in PRESETS {
             resolve(name, None, &[]).unwrap();
         }
-        assert_eq!(resolve("paper", None, &[]).unwrap(), RunConfig::default());
+        let mut paper = resolve("paper", None, &[]).unwrap();
+        assert_eq!(etude_task::layout(&paper.task).len(), 369, "as many columns as the paper has");
+        assert_eq!(paper.task.physics.len(), 7, "the joints' references");
+        assert_eq!(paper.task.randomisation.intensity, 0.1);
+        paper.task.physics.clear();
+        paper.task.randomisation.intensity = 0.0;
+        (paper.task.previous_joints, paper.task.previous_actions) = (true, 0);
+        assert_eq!(paper, RunConfig::default());
     }
 
     /// `etude train --config RUN/config.toml` repeats a training whatever the preset says.
@@ -212,7 +231,9 @@ mod tests {
         assert_eq!(config["trainer"], published["trainer"]);
         let task = &config["task"];
         assert_eq!(task["lookahead"].as_integer(), Some(5), "paper");
-        assert_eq!(task["previous_joints"].as_bool(), Some(true), "paper");
+        // "Previous joint positions" are the joints' previous set-points.
+        assert_eq!(task["previous_joints"].as_bool(), Some(false));
+        assert_eq!(task["previous_actions"].as_integer(), Some(1), "paper");
         // RoboPianist's rule and on its time, keys with one contact, and the main text's five
         // reward terms.
         let config = resolve("paper", None, &[]).unwrap().complete();
@@ -255,7 +276,7 @@ mod tests {
         assert_eq!(config.task.physics["key.threshold"], 0.6);
         assert_eq!(config.task.reward["collision"], 0.0);
         std::fs::write(&path, toml::to_string(&config).unwrap()).unwrap();
-        assert_eq!(resolve("paper", Some(&path), &[]).unwrap(), config);
+        assert_eq!(resolve("expressive", Some(&path), &[]).unwrap(), config);
     }
 
     #[test]
