@@ -29,7 +29,7 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     `fingering` and `finger_range` the ranges are around the planned rail position and pose;
     `action_low` and `action_high` are then those of the first step.
 
-    An observation has the joints, those of one step ago, the 49 keys that sound, and the 49 keys
+    An observation has the joints, the previous action (preset `paper`), the 49 keys that sound, and the 49 keys
     that are due now and in each of the next five steps. Finger joints are scaled by their range to
     −1 … 1, and the rail is in white keys from the middle. The options `previous_actions`,
     `fingering` and `velocities` add columns (docs/algorithm.md has the tables).

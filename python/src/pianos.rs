@@ -71,7 +71,7 @@ impl StepRow<'_> {
     fn step(self, piece: &Piece) {
         let Slot { environment, tally, over } = self.slot;
         let action: &[f32; ACTION_LEN] = self.action.first_chunk().expect("rows have an action's length");
-        let due = piece.due(environment.position());
+        let due = piece.due(environment.next_step());
         let begins_anew = self.last_observation.is_some();
         let step = match self.last_observation {
             Some(last) => environment.advance(action, self.terms, self.observation, last),

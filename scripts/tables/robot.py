@@ -9,7 +9,7 @@ import tomllib
 
 from tables.common import (
     MEASURE, MODES, ROOT, ROWS, TWIN_PARAMS, Stopped, argument, command, etude, groups, head, mean_of, performed,
-    right_of_due, row, rows_of, runs, songs,
+    read, right_of_due, row, rows_of, runs, songs, sum_of,
 )
 
 RAIL = 12
@@ -19,9 +19,14 @@ SETPOINT_SECS = 0.005
 AT_LIMIT = 0.98
 LIMITS = ["velocity", "acceleration", "jerk"]
 SETS = ROOT / "configs" / "twin-params"
-SCORES = ["sim_f1", "robot_f1", "onset_f1", "onset_f1_without_lag", "latency_compensation_secs"]
+SCORES = [
+    "sim_f1", "sim_robopianist_f1", "robot_f1", "robot_robopianist_f1", "onset_f1", "onset_f1_without_lag",
+    "latency_compensation_secs",
+]
+# Of the run that measures the lag.
+UNCOMPENSATED = {"right": "matched", "wrong": "wrong", "f1": "f1", "robopianist_f1": "robopianist_f1"}
 NOTES = ["notes_right", "notes_due", "notes_wrong"]
-CELL = "notes right, wrong; onset F1; sent early by; F1"
+CELL = "notes right, wrong; onset F1; sent early by; F1; F1 (RoboPianist's rule)"
 # Songs of the tables of twin parameters.
 THREE = ["twinkle", "ode-to-joy", "c-major-scale"]
 
@@ -31,9 +36,12 @@ def performance(label, song, mode, twin_params, runs):
     labels = {"twin_params": label, "mode": mode, "song": song, "seed": 0, "runs": runs}
     try:
         with performed(song, mode, twin_params, runs) as report:
-            return labels | {key: report.get(key, "") for key in [*SCORES, *NOTES]} | {"stopped": ""}
+            before = report.get("uncompensated", {})
+            before = {f"uncompensated_{key}": before.get(name, "") for key, name in UNCOMPENSATED.items()}
+            return labels | {key: report.get(key, "") for key in [*SCORES, *NOTES]} | before | {"stopped": ""}
     except Stopped as stopped:
-        return labels | dict.fromkeys([*SCORES, *NOTES], "") | {"stopped": str(stopped).removeprefix("etude: ")}
+        empty = [*SCORES, *NOTES, *(f"uncompensated_{key}" for key in UNCOMPENSATED)]
+        return labels | dict.fromkeys(empty, "") | {"stopped": str(stopped).removeprefix("etude: ")}
 
 
 def early(rows):
@@ -64,15 +72,33 @@ def robot(options):
     by_song = bool(options.by_song)
     cell = CELL if by_song else CELL.replace("sent early by; ", "")
     first = "song" if by_song else "twin parameters"
-    head(first, "simulation: F1 (articulated plan)", *(f"{mode}: {cell}" for mode in MODES))
+    simulated = "simulation: F1 (articulated plan); F1 (RoboPianist's rule)"
+    head(first, simulated, *(f"{mode}: {cell}" for mode in MODES))
     for name, of_row in groups(rows, "song" if by_song else "twin_params").items():
         cells = []
         for mode in MODES:
             of_mode = complete(entry for entry in of_row if entry["mode"] == mode)
             parts = [right_of_due(of_mode), f"{mean_of(of_mode, 'onset_f1'):.3f}"]
-            parts += [early(of_mode)] * by_song + [f"{mean_of(of_mode, 'robot_f1'):.3f}"]
+            parts += [early(of_mode)] * by_song
+            parts += [f"{mean_of(of_mode, key):.3f}" for key in ("robot_f1", "robot_robopianist_f1")]
             cells.append("; ".join(parts))
-        row(name if by_song else f"`{name}`", f"{mean_of(complete(of_row), 'sim_f1'):.3f}", *cells)
+        simulated = [f"{mean_of(complete(of_row), key):.3f}" for key in ("sim_f1", "sim_robopianist_f1")]
+        row(name if by_song else f"`{name}`", "; ".join(simulated), *cells)
+
+
+@command("uncompensated", ROWS)
+def uncompensated(options):
+    """The runs that measure the lag: commands are sent as early as in the training."""
+    head("twin parameters", *(f"{mode}: notes right, wrong; F1; F1 (RoboPianist's rule)" for mode in MODES))
+    for name, of_set in groups(complete(read(options.rows)), "twin_params").items():
+        cells = []
+        for mode in MODES:
+            of_mode = [entry for entry in of_set if entry["mode"] == mode]
+            counts = ("uncompensated_right", "notes_due", "uncompensated_wrong")
+            right, due, wrong = (sum_of(of_mode, key) for key in counts)
+            f1 = (f"{mean_of(of_mode, f'uncompensated_{key}'):.3f}" for key in ("f1", "robopianist_f1"))
+            cells.append("; ".join([f"{right:.0f} of {due:.0f}, {wrong:.0f}", *f1]))
+        row(f"`{name}`", *cells)
 
 
 @command("drawn", ROWS, MEASURE, runs(2), argument("--count", type=int, default=20, help="of sets to measure"))

@@ -199,7 +199,7 @@ fn control_step_secs(song: &Song, secs: f64) -> anyhow::Result<f64> {
     while start.elapsed().as_secs_f64() < secs {
         stepper.begin(&state);
         while !stepper.is_over() {
-            state.keys = piece.due(stepper.position());
+            state.keys = piece.due(stepper.next_step());
             stepper.observe(&state, &mut observation);
             policy.act(&observation, &mut action);
             let joints = stepper.command(&action).targets;

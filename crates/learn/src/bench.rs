@@ -26,7 +26,7 @@ const ONES: usize = 15;
 /// # Errors
 /// If the configuration is not sound or the threads cannot be started.
 pub fn update_rate(config: &DroqConfig, seconds: f64, threads: usize) -> Result<f64, TrainError> {
-    config.validate()?;
+    config.check()?;
     let pool = thread_pool(threads)?;
     let mut stream = Stream::new(0, "bench");
     let mut replay = Replay::new(LAYOUT, ACTION, 20_000, 1);

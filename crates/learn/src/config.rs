@@ -106,7 +106,7 @@ pub(crate) const MAX_LAYERS: usize = 16;
 
 impl DroqConfig {
     /// Refuses values that cannot work, naming the field.
-    pub fn validate(&self) -> Result<(), ConfigError> {
+    pub fn check(&self) -> Result<(), ConfigError> {
         let hidden = &self.hidden;
         let widths = hidden.iter().all(|&width| (1..=MAX_LAYER_WIDTH).contains(&width));
         if !widths || !(1..=MAX_LAYERS).contains(&hidden.len()) {
@@ -195,7 +195,7 @@ const MAX_ENVS: f64 = 4096.0;
 
 impl TrainerConfig {
     /// Refuses values that cannot work, naming the field.
-    pub fn validate(&self) -> Result<(), ConfigError> {
+    pub fn check(&self) -> Result<(), ConfigError> {
         check_range("trainer.num_envs", self.num_envs as f64, 1.0..=MAX_ENVS)?;
         check_range("trainer.updates_per_vector_step", self.updates_per_vector_step as f64, ..=1024.0)?;
         check_range("trainer.threads", self.threads as f64, ..=1024.0)?;
@@ -213,8 +213,8 @@ mod tests {
 
     #[test]
     fn defaults_are_valid_and_survive_json() {
-        DroqConfig::default().validate().unwrap();
-        TrainerConfig::default().validate().unwrap();
+        DroqConfig::default().check().unwrap();
+        TrainerConfig::default().check().unwrap();
         let text = serde_json::to_string(&DroqConfig::default()).unwrap();
         assert_eq!(serde_json::from_str::<DroqConfig>(&text).unwrap(), DroqConfig::default());
         assert!(serde_json::from_str::<TrainerConfig>(r#"{"sead": 1}"#).is_err());
@@ -237,9 +237,9 @@ mod tests {
         for (field, spoil) in broken {
             let mut config = DroqConfig::default();
             spoil(&mut config);
-            let error = config.validate().unwrap_err();
+            let error = config.check().unwrap_err();
             assert!(error.to_string().starts_with(&format!("{field} is ")), "{error}");
         }
-        assert!(TrainerConfig { num_envs: 0, ..Default::default() }.validate().is_err());
+        assert!(TrainerConfig { num_envs: 0, ..Default::default() }.check().is_err());
     }
 }

@@ -58,7 +58,7 @@ fn play(
         if interrupt.load(Ordering::Relaxed) {
             return Ok(Ending::Interrupted);
         }
-        let (state, step) = (rig.state(), stepper.position());
+        let (state, step) = (rig.state(), stepper.next_step());
         stepper.observe(&state, &mut observation);
         rig.run_while(&mut || player.act(step, &observation, &mut action));
         // The filters of a target would keep it for the rest of the song.

@@ -20,24 +20,24 @@ pub struct Strike {
     pub key: usize,
     /// Its velocity on MIDI's scale but without its ends: above 127 for strikes that are harder
     /// than the loudest.
-    pub loudness: f64,
+    pub unrounded_velocity: f64,
 }
 
 /// Velocity, 1 to 127, of a strike whose contacts close `between_secs` apart, where `loudest_secs`
 /// and less is the loudest and `softest_secs` and more the softest.
 pub fn strike_velocity(between_secs: f64, loudest_secs: f64, softest_secs: f64) -> u8 {
-    midi(loudness(between_secs, loudest_secs, softest_secs))
+    midi(unrounded_velocity(between_secs, loudest_secs, softest_secs))
 }
 
 /// The velocity without the ends of MIDI's scale.
-pub(crate) fn loudness(between_secs: f64, loudest_secs: f64, softest_secs: f64) -> f64 {
+pub(crate) fn unrounded_velocity(between_secs: f64, loudest_secs: f64, softest_secs: f64) -> f64 {
     let share = (between_secs / loudest_secs).ln() / (softest_secs / loudest_secs).ln();
     MAX_VELOCITY - (MAX_VELOCITY - 1.0) * share
 }
 
-/// A loudness as MIDI velocity.
-pub(crate) fn midi(loudness: f64) -> u8 {
-    loudness.round().clamp(1.0, MAX_VELOCITY) as u8
+/// An unrounded velocity as MIDI velocity.
+pub(crate) fn midi(unrounded_velocity: f64) -> u8 {
+    unrounded_velocity.round().clamp(1.0, MAX_VELOCITY) as u8
 }
 
 #[cfg(test)]
@@ -49,6 +49,6 @@ mod tests {
         let velocity = |secs| strike_velocity(secs, LOUDEST_SECS, SOFTEST_SECS);
         assert_eq!([0.0, 0.004, 0.15, 1e9, f64::INFINITY].map(velocity), [127, 127, 1, 1, 1]);
         assert_eq!(velocity((LOUDEST_SECS * SOFTEST_SECS).sqrt()), 64);
-        assert!(loudness(0.001, LOUDEST_SECS, SOFTEST_SECS) > 150.0);
+        assert!(unrounded_velocity(0.001, LOUDEST_SECS, SOFTEST_SECS) > 150.0);
     }
 }

@@ -133,8 +133,8 @@ impl Environment {
     }
 
     /// The control step that is played next.
-    pub fn position(&self) -> usize {
-        self.stepper.position()
+    pub fn next_step(&self) -> usize {
+        self.stepper.next_step()
     }
 
     /// The world.

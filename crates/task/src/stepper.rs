@@ -120,7 +120,7 @@ impl Stepper {
     }
 
     /// The control step that is played next.
-    pub fn position(&self) -> usize {
+    pub fn next_step(&self) -> usize {
         self.step
     }
 }

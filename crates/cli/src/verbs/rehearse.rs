@@ -26,10 +26,9 @@ const PAPER: &str = "paper";
 /// The song, the robot, and the number of iterations and performances.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Iteration 0 plays what was learned in the default simulator. Each later iteration records the robot (once: four \
-motions clear of the keyboard, and slow presses of its keys), fits the simulator to that and to the last performances, in that \
-simulator continues the training of the policy that has played best so far (by the mean of F1 and onset F1) for the steps of the preset, \
-and plays again. If it is stopped, the same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: the robot plays SONG in each iteration. \
+Iteration 0 plays what was learned in the default simulator. Each later iteration records the robot (once), fits \
+the simulator, trains the policy that has played best so far further in it, for the steps of the preset, and plays again. Best is the \
+highest mean of F1 and onset F1. What is recorded and fitted depends on --fit. If it is stopped, the same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: the robot plays SONG in each iteration. \
 `etude perform` plays other songs with the best iteration's policy. Keep clear of the robot: it moves to the keyboard by itself before each run.
 
 Examples:

@@ -11,15 +11,13 @@ const MAX_JOINT_PASSES: usize = 6;
 /// Another pass joint by joint follows one that reduced the error by at least this share.
 const MIN_GAIN: f64 = 0.05;
 /// With more residuals than this many standard deviations of the noise, the simulator lacks physics
-/// of the robot: what only shows at the noise is then not looked for. On the twin `standard` it
-/// took a third of the time and gained 0.1 % of the error.
+/// of the robot: what only shows at the noise is then not looked for.
 const FAR_FROM_NOISE: f64 = 5.0;
 /// Step of the differences for the last pass's Jacobians and for the estimates' intervals, as a
 /// share of each range.
 pub(super) const ESTIMATE_STEP: f64 = 1e-3;
 /// Last step of the differences of the passes joint by joint, and the share of the cost that ends a
-/// fit there. With 1e-6 and 1e-4 they took twice the replays, and held-out errors differ by 2 % at
-/// most.
+/// fit there.
 const JOINT_STEP: f64 = 1e-4;
 const JOINT_TOLERANCE: f64 = 1e-3;
 /// Curvature of the cost along a parameter whose own interval is just identifiable.

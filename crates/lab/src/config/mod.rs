@@ -70,8 +70,8 @@ impl RunConfig {
     /// # Errors
     /// If a setting cannot work.
     pub fn check(&self) -> anyhow::Result<()> {
-        self.droq.validate()?;
-        self.trainer.validate()?;
+        self.droq.check()?;
+        self.trainer.check()?;
         let best_by = self.trainer.best_by.as_str();
         if !best_by.is_empty() && !SCORES.contains(&best_by) {
             bail!("trainer.best_by is `{best_by}`, which is no score; there are: {}", SCORES.join(", "));

@@ -60,8 +60,8 @@ impl Trainer {
         source: Option<&WarmStart>,
     ) -> Result<Self, TrainError> {
         Self::check_vacant(folder)?;
-        droq.validate()?;
-        config.validate()?;
+        droq.check()?;
+        config.check()?;
         let mut learner = Self::learner(droq, config, &*inputs.environment);
         if let Some(source) = source {
             source.check(droq, &*inputs.environment)?;
@@ -96,8 +96,8 @@ impl Trainer {
         if !checkpoints.exists() {
             return Err(TrainError::NothingToResume { folder: folder.to_owned() });
         }
-        droq.validate()?;
-        config.validate()?;
+        droq.check()?;
+        config.check()?;
         let path = checkpoints.path();
         let bytes = read(&path)?;
         let (header, file, extras) = checkpoints.load(&bytes)?;

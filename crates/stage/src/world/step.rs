@@ -11,7 +11,7 @@ use crate::config::PHYSICS_STEPS;
 use crate::controller::{Controller, ControllerConstants};
 use crate::hand::{DRIVEN_JOINTS, RAIL, joint_range};
 use crate::mjcf::PALM_PLACE;
-use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, Strike, loudness, midi};
+use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, Strike, midi, unrounded_velocity};
 
 /// What happened during one control step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -171,9 +171,9 @@ impl World {
         for key in now.difference(self.pressed).iter() {
             let speed = velocities[self.layout.key_dof[key]].max(0.0);
             let between_secs = CONTACTS_APART * self.lower_stop(key) / speed;
-            let loudness = loudness(between_secs, LOUDEST_SECS, SOFTEST_SECS);
-            let velocity = midi(loudness);
-            self.strikes.push(Strike { key, loudness });
+            let unrounded = unrounded_velocity(between_secs, LOUDEST_SECS, SOFTEST_SECS);
+            let velocity = midi(unrounded);
+            self.strikes.push(Strike { key, unrounded_velocity: unrounded });
             self.events.push(KeyEvent { secs, key, velocity });
         }
         for key in self.pressed.difference(now).iter() {

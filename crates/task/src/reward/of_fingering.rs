@@ -43,15 +43,15 @@ pub(super) fn holding(context: &StepContext) -> f64 {
     sum / f64::from(count.max(1))
 }
 
-/// Difference between the loudness that was played and the written velocity, as a share of 127, up
+/// Difference between the velocity that was played and the written one, as a share of 127, up
 /// to which a strike has the full reward, and further that at which it has a tenth: as a bonus for
 /// strikes, and where soft and loud are to be learned.
 const VELOCITY_BOUND: f64 = 0.05;
 const VELOCITY_MARGIN: f64 = 0.4;
 const DYNAMICS_MARGIN: f64 = 0.5;
 
-/// For each note that begins in the step and is struck in it, how near the force is to the note's
-/// velocity. It is never negative, so that holding a key through is rewarded less than striking it
+/// For each note that begins in the step and is struck in it, how near the strike's velocity is to the
+/// note's. It is never negative, so that holding a key through is rewarded less than striking it
 /// again.
 pub(super) fn velocity(context: &StepContext) -> f64 {
     strikes(context, VELOCITY_MARGIN, Goal::begins)
@@ -65,11 +65,11 @@ pub(super) fn dynamics(context: &StepContext) -> f64 {
     strikes(context, DYNAMICS_MARGIN, |goal| goal.begins() || late(goal))
 }
 
-/// How near the forces of the strikes of some goals' keys are to their velocities, summed.
+/// How near the velocities of the strikes of some goals' keys are to those written, summed.
 fn strikes(context: &StepContext, margin: f64, counts: impl Fn(&Goal) -> bool) -> f64 {
     let struck = context.goals.iter().flatten().filter(|goal| counts(goal)).filter_map(|goal| {
         let strike = context.world.strikes().iter().find(|strike| strike.key == goal.key)?;
-        Some((strike.loudness - f64::from(goal.velocity)).abs() / 127.0)
+        Some((strike.unrounded_velocity - f64::from(goal.velocity)).abs() / 127.0)
     });
     struck.map(|error| tolerance(error, VELOCITY_BOUND, margin)).sum()
 }

@@ -36,8 +36,8 @@ pub(super) fn wrong_travel(context: &StepContext) -> f64 {
     -wrong.map(|key| travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
 }
 
-/// Half for how far the keys to hold are down, half if no wrong key sounds: none that is not due
-/// (RoboPianist, where all due keys are to hold).
+/// 0.5 × how far down the keys to hold are, plus 0.5 if no key sounds that is not due. Without a
+/// fingering all due keys are to hold, as in RoboPianist.
 pub(super) fn key_press(context: &StepContext) -> f64 {
     let to_hold = context.to_hold;
     let closeness: f64 =

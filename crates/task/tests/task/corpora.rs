@@ -121,7 +121,7 @@ fn every_episode_plays_another_piece_from_its_beginning() {
     let mut environment = Environment::of_corpus(&task(), &corpus, 3).unwrap();
     let mut seen = BTreeSet::new();
     for _ in 0..6 {
-        assert_eq!(environment.position(), 0);
+        assert_eq!(environment.next_step(), 0);
         seen.insert(environment.piece().title().to_string());
         environment.reset();
     }

@@ -309,14 +309,14 @@ fn a_strike_earns_by_how_near_it_is_to_the_velocity_of_its_note() {
     let event = world.events()[0];
     let struck = strike.key;
     assert_eq!(event.key, struck);
-    assert_eq!(f64::from(event.velocity), strike.loudness.round().clamp(1.0, 127.0));
+    assert_eq!(f64::from(event.velocity), strike.unrounded_velocity.round().clamp(1.0, 127.0));
     let earned = |name: &str, key: usize, age_steps: usize, velocity: u8, sounded: &[usize]| {
         let goal = Goal { key, over: [0.0; 2], wait_steps: 0, age_steps, velocity };
         let goals = [None, Some(goal), None];
         term(name, &StepContext { goals, pressed_before: keys(sounded), ..context(&world, &[24]) })
     };
     for velocity in [1, 64, 127] {
-        let error = (strike.loudness - f64::from(velocity)).abs() / 127.0;
+        let error = (strike.unrounded_velocity - f64::from(velocity)).abs() / 127.0;
         for (name, margin) in [("velocity", 0.4), ("dynamics", 0.5)] {
             let expected = tolerance(error, 0.05, margin);
             assert_near(earned(name, struck, 0, velocity, &[]), expected, "a note that begins");
