@@ -61,7 +61,7 @@ pub struct Recording {
     /// Reports of a robot's arm, each at its time, s.
     pub arm: Vec<(f64, ArmMessage)>,
     /// What an operator should read, each at its time, s.
-    pub notes: Vec<(f64, EventMessage)>,
+    pub events: Vec<(f64, EventMessage)>,
     /// Whether the file ends as it should; `false` for one that was interrupted or damaged.
     pub complete: bool,
 }
@@ -126,7 +126,7 @@ impl Recording {
                 }
                 HandMessage::TOPIC => serde_json::from_slice(data).map(|hand| self.hand.push((secs, hand))),
                 ArmMessage::TOPIC => serde_json::from_slice(data).map(|arm| self.arm.push((secs, arm))),
-                EventMessage::TOPIC => serde_json::from_slice(data).map(|note| self.notes.push((secs, note))),
+                EventMessage::TOPIC => serde_json::from_slice(data).map(|event| self.events.push((secs, event))),
                 _ => Ok(()),
             };
             taken.map_err(|error| format!("a message on {} is damaged: {error}", message.channel.topic))?;
@@ -191,7 +191,7 @@ mod tests {
             header,
             steps,
             keys: vec![key],
-            notes: vec![(21.5, note)],
+            events: vec![(21.5, note)],
             hand: vec![(0.0, hand)],
             complete: true,
             ..Recording::default()

@@ -35,7 +35,7 @@ fn every_mode_plays_on_the_twin() {
         let steps = run["steps"][0].as_u64().unwrap() as usize;
         assert!(recording.complete && recording.steps.len() == steps && recording.policy.len() == steps);
         assert!(recording.setpoints.len() > 10 * steps && recording.hand.len() > 16 * steps);
-        assert!(recording.notes.iter().any(|(_, note)| note.text == "following"));
+        assert!(recording.events.iter().any(|(_, note)| note.text == "following"));
         check_elsewhere("check_robot_recording.py", &[sandbox.path(mode).join("latest")]);
         check_elsewhere("check_midi.py", &[sandbox.path(mode).join("latest")]);
     }
@@ -178,7 +178,7 @@ fn an_ordered_fault_cuts_the_performance_short() {
             "{text}"
         );
         let recording = Recording::read(&sandbox.path(format!("f/{number}/run-1.mcap"))).unwrap();
-        let note = recording.notes.iter().find(|(_, note)| note.kind == "fault");
+        let note = recording.events.iter().find(|(_, note)| note.kind == "fault");
         assert!(
             note.is_some_and(|(_, note)| note.text.contains(said) || note.text.contains("arm")),
             "{note:?}"
@@ -283,8 +283,8 @@ fn a_shifted_keyboard_is_named() {
         assert!(output.status.success() && printed.contains(said), "{semitones}: {printed}");
         assert!(printed.contains("press its octave - button"), "{semitones}: {printed}");
         let recording = Recording::read(&sandbox.path("p/1/run-1.mcap")).unwrap();
-        let is_noted = recording.notes.iter().any(|(_, note)| note.kind == "warning");
-        assert!(is_noted || semitones == 12, "{:?}", recording.notes);
+        let is_noted = recording.events.iter().any(|(_, note)| note.kind == "warning");
+        assert!(is_noted || semitones == 12, "{:?}", recording.events);
     }
 }
 

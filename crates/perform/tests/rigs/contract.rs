@@ -178,7 +178,7 @@ fn a_robot_that_stops_itself_ends_with_its_fault_and_the_recording_is_whole() {
         assert!(performance.pressed.len() < piece.steps(), "{mode}");
         let recording = Recording::read(&path).unwrap();
         assert!(recording.complete && recording.steps.len() == performance.pressed.len(), "{mode}");
-        assert!(recording.notes.iter().any(|(_, note)| note.kind == "fault"), "{mode}");
+        assert!(recording.events.iter().any(|(_, note)| note.kind == "fault"), "{mode}");
     }
 }
 

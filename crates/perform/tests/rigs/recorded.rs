@@ -64,7 +64,7 @@ fn a_recording_shows_the_hand_before_it_holds_and_after_a_fault() {
         assert!(has("idle") && !has("driven"), "{lines:?}");
     }
     let recording = Recording::read(&path).unwrap();
-    let ends = recording.notes.iter().find(|(_, note)| note.kind == "fault").unwrap().0;
+    let ends = recording.events.iter().find(|(_, note)| note.kind == "fault").unwrap().0;
     let after = recording.hand.iter().filter(|(secs, _)| *secs > ends).count();
     assert!((300..340).contains(&after), "{after}");
     let inside = recording.hand.iter().filter(|(secs, _)| *secs > 0.0 && *secs <= ends).count();

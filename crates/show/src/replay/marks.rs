@@ -40,7 +40,7 @@ pub struct Mark {
 pub(super) fn marks(recording: &Recording) -> Vec<Mark> {
     let early_secs = recording.header.latency_compensation_secs;
     let mut marks: Vec<Mark> = recording
-        .notes
+        .events
         .iter()
         .filter_map(|(secs, note)| {
             let kind = match note.kind.as_str() {
