@@ -276,7 +276,7 @@ mod tests {
         assert_eq!(config.task.physics["key.threshold"], 0.6);
         assert_eq!(config.task.reward["collision"], 0.0);
         std::fs::write(&path, toml::to_string(&config).unwrap()).unwrap();
-        assert_eq!(resolve("expressive", Some(&path), &[]).unwrap(), config);
+        assert_eq!(stored_config(&path).unwrap(), config);
     }
 
     #[test]
