@@ -249,6 +249,8 @@ pub fn stage_side(side: HandSide) -> Side {
 }
 
 #[cfg(test)]
+mod dragging;
+#[cfg(test)]
 mod keyboard;
 #[cfg(test)]
 mod tests;

@@ -15,6 +15,8 @@ pub enum Policy {
     Smooth,
     /// From one end of the keyboard to the other, as fast as the limits allow.
     Sweeps,
+    /// The same while a bent middle finger comes among the keys and out again.
+    Dips,
     /// Something else at every set-point.
     Jumps,
     /// Numbers that are none.
@@ -29,8 +31,10 @@ impl Policy {
             Self::Smooth if joint == RAIL => from[RAIL] + rise(0.12, 1.5),
             Self::Smooth if joint % 4 == 0 => from[joint],
             Self::Smooth => from[joint] + rise(0.1, 6.0 + joint as f64 * 0.1),
-            Self::Sweeps if joint == RAIL => 0.3f64.copysign((3.0 * secs).sin()),
-            Self::Sweeps => from[joint],
+            Self::Sweeps | Self::Dips if joint == RAIL => 0.3f64.copysign((3.0 * secs).sin()),
+            // The last joint lifts the tip from where it began.
+            Self::Dips if joint == 7 => from[7] + 0.5 + 0.5f64.copysign((7.3 * secs).sin()),
+            Self::Sweeps | Self::Dips => from[joint],
             Self::Jumps if joint == RAIL => dice.signed(),
             Self::Jumps => dice.signed() * 3.0,
             Self::Nonsense => match dice.below(5) {

@@ -11,14 +11,14 @@ use super::*;
 use crate::numbers::KEY_GAP_M;
 
 /// The finger that plays in these tests, and its first joint.
-const MIDDLE: usize = 1;
-const ROLL: usize = MIDDLE * JOINTS_PER_FINGER;
+pub(super) const MIDDLE: usize = 1;
+pub(super) const ROLL: usize = MIDDLE * JOINTS_PER_FINGER;
 /// The clamps of the hand's driver, N·m (allegro_hand_ros_v4).
 const CLAMPS_NM: [f64; JOINTS_PER_FINGER] = [0.3125, 0.5625, 0.375, 0.2375];
 /// E, which has a white neighbour, and D, which stands between two black ones.
-const E: usize = 28;
+pub(super) const E: usize = 28;
 const D: usize = 26;
-const SETS: [&str; 4] = ["standard", "worn", "mild", "ideal"];
+pub(super) const SETS: [&str; 4] = ["standard", "worn", "mild", "ideal"];
 
 /// A twin whose joints are driven without its devices.
 struct Driven {
