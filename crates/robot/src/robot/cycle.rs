@@ -148,7 +148,11 @@ impl Robot {
             let asked = self.motion.asked(at, &self.config.limits.thumb_rad);
             let rail = self.set_points.rail();
             let asked_m = asked.map_or(rail.position(), |asked| asked[RAIL_AXIS]);
-            let held = Interlock::new(&self.hand).holds_rail(rail, asked_m, &self.rail_arm);
+            let held = Interlock::new(&self.hand, &self.set_points.reference(now)).holds_rail(
+                rail,
+                asked_m,
+                &self.rail_arm,
+            );
             self.status.journal.push(self.set_points.step(asked, held));
         }
         Ok(())
@@ -195,7 +199,7 @@ impl Robot {
             return Ok(self.rail_arm.arm.servo(now, joints)?);
         }
         let easing = (self.set_points.easing.left(now)[RAIL_AXIS], self.set_points.easing.share(now));
-        let interlock = Interlock::new(&self.hand);
+        let interlock = Interlock::new(&self.hand, &self.set_points.reference(now));
         let (rail_m, at_m) = (self.set_points.rail().position(), self.rail_arm.place().rail_m);
         let brakes = |rail: &Axis| interlock.drags(rail, rail_m, at_m);
         self.rail_arm.follow_rail(now, pause, rail_m, easing, brakes)

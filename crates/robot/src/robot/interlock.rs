@@ -20,6 +20,10 @@ pub const ROOTS_OVER_KEYS_M: f64 = 0.12 - 0.0225;
 /// A fingertip that is so far below the tops of the resting white keys is among them, m: a white
 /// key sounds there where it is played.
 const AMONG_KEYS_M: f64 = 0.003;
+/// A finger among the keys whose roll joint is so far from its reference is dragged along, rad: the
+/// joint loop then pushes with all that its clamp allows (375 of 3600 PWM a rad), and the stop is
+/// 0.47 rad from the middle.
+const MAX_BEHIND_RAD: f64 = 0.1;
 /// A dragged finger stays so far from the stop of its roll joint, rad: our choice, 4 mm at the
 /// fingertip, for biases of the encoder (1°) and what the arm moves on until a reading arrives.
 const BEFORE_STOP_RAD: f64 = 0.05;
@@ -27,20 +31,20 @@ const BEFORE_STOP_RAD: f64 = 0.05;
 /// tops are 12.5 mm over them.
 const OVER_BLACK_M: f64 = 0.013;
 
-/// Holds the rail back while a finger is among the keys.
+/// Holds the rail back while a finger is dragged along.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Interlock {
-    /// How far the hand may move on toward the low and toward the high notes, m, as if each
-    /// fingertip among the keys were stuck where it is.
+    /// How far the hand may move on toward the low and toward the high notes, m: a finger that it
+    /// drags that way stays where it is.
     ways_m: [f64; 2],
 }
 
 impl Interlock {
-    pub fn new(hand: &Hand) -> Self {
-        Self::of(&hand.positions())
+    pub fn new(hand: &Hand, reference: &[f64; WIRE_JOINTS]) -> Self {
+        Self::of(&hand.positions(), reference)
     }
 
-    fn of(positions: &[f64; WIRE_JOINTS]) -> Self {
+    fn of(positions: &[f64; WIRE_JOINTS], reference: &[f64; WIRE_JOINTS]) -> Self {
         let mut ways_m = [f64::INFINITY; 2];
         for (finger, depth_m) in tip_depths(positions).into_iter().enumerate() {
             if depth_m <= ROOTS_OVER_KEYS_M + AMONG_KEYS_M {
@@ -48,9 +52,15 @@ impl Interlock {
             }
             // The tip lags behind a hand that moves toward the high notes if its roll grows.
             let (roll, [low, high]) = (positions[4 * finger], JOINT_LIMITS_RAD[4 * finger]);
+            let behind_rad = roll - reference[4 * finger];
             let way_m = |stop: f64| (depth_m - TIP_RADIUS_M) * (stop.tan() - roll.tan());
             let [to_low, to_high] = [-way_m(low + BEFORE_STOP_RAD), way_m(high - BEFORE_STOP_RAD)];
-            ways_m = [ways_m[0].min(to_low), ways_m[1].min(to_high)];
+            if behind_rad < -MAX_BEHIND_RAD {
+                ways_m[0] = ways_m[0].min(to_low);
+            }
+            if behind_rad > MAX_BEHIND_RAD {
+                ways_m[1] = ways_m[1].min(to_high);
+            }
         }
         Self { ways_m }
     }
@@ -106,14 +116,20 @@ mod tests {
     }
 
     #[test]
-    fn a_finger_among_the_keys_leaves_the_way_to_the_stop_of_its_roll_joint() {
-        assert_eq!(Interlock::of(&hanging(0.0, 0.001)).ways_m, [f64::INFINITY; 2]);
-        let [low, high] = Interlock::of(&hanging(0.0, 0.004)).ways_m;
-        assert!((low - high).abs() < 1e-12 && (0.039..0.043).contains(&low), "{low} and {high} m");
-        // A tip that has stayed behind a hand on its way to the high notes.
-        let [low, high] = Interlock::of(&hanging(0.3, 0.004)).ways_m;
-        assert!((0.065..0.075).contains(&low) && (0.01..0.013).contains(&high), "{low} and {high} m");
-        assert!(Interlock::of(&hanging(0.45, 0.004)).ways_m[1] < 0.0);
+    fn a_dragged_finger_leaves_the_way_to_the_stop_of_its_roll_joint() {
+        let ways = |roll: f64, sent: f64, below_tops_m: f64| {
+            let (positions, mut reference) = (hanging(roll, below_tops_m), [0.0; WIRE_JOINTS]);
+            reference[4] = sent;
+            Interlock::of(&positions, &reference).ways_m
+        };
+        // It is above the keys, and it is where it was sent.
+        assert_eq!(ways(0.2, 0.0, 0.001), [f64::INFINITY; 2]);
+        assert_eq!(ways(0.2, 0.15, 0.004), [f64::INFINITY; 2]);
+        // A tip that has stayed behind a hand on its way to the high notes, and one to the low ones.
+        let [low, high] = ways(0.2, 0.0, 0.004);
+        assert!(low == f64::INFINITY && (0.021..0.025).contains(&high), "{low} and {high} m");
+        assert_eq!(ways(-0.2, 0.0, 0.004), [high, low]);
+        assert!(ways(0.45, 0.3, 0.004)[1] < 0.0);
     }
 
     #[test]

@@ -40,12 +40,15 @@ const TARGET_SECS: [f64; 2] = [0.005, 0.02];
 /// The first target may be so far from the arm: reports are up to 10 ms old, and it may still
 /// brake.
 const FIRST_RAD: f64 = 0.1;
-/// Time after a finger came among the keys in which the hand may not yet brake: old angles, a poll,
+/// Time after a finger began to be dragged in which the hand may not yet brake: old angles, a poll,
 /// a set-point, a target, and the jerk of each.
 const REACTION: Duration = Duration::from_millis(40);
 /// A fingertip this far below the tops of the white keys is among them, whatever biases and play the
 /// encoders have, m.
 const AMONG_KEYS_M: f64 = 0.0055;
+/// A roll joint this far from where it was sent is dragged, whatever biases and play the encoders
+/// have, rad.
+const BEHIND_RAD: f64 = 0.15;
 /// The stop of a finger's roll joint, rad (Allegro's URDF).
 const ROLL_STOP_RAD: f64 = 0.47;
 /// Where the flange stands over the middle of the keyboard, m in the arm's frame, whose y points
@@ -87,13 +90,12 @@ pub struct Judge {
     pub worst_m_s2: f64,
     pub worst_m_s3: f64,
     /// For the last moments, the place on the rail beyond which the hand may not get, m, toward the
-    /// low and toward the high notes: there a finger among the keys has its roll joint at its stop.
+    /// low and toward the high notes: there a finger that it drags has its roll joint at its stop.
     ends: VecDeque<(Duration, [f64; 2])>,
     /// Speeds that the hand may have toward either end: it brakes to them.
     allowed_m_s: [f64; 2],
-    /// Greatest speed along the keyboard while a finger is among the keys and the hand has had time
-    /// to brake, m/s.
-    pub worst_low_m_s: f64,
+    /// Targets at which a finger was dragged.
+    pub dragged: u64,
     past: [Past; 13],
     /// Whether the arm is told where to be by the set-point of the rail.
     rail_moves: bool,
@@ -127,7 +129,7 @@ impl Judge {
             worst_m_s3: 0.0,
             ends: VecDeque::new(),
             allowed_m_s: [rig.limits.rail_velocity; 2],
-            worst_low_m_s: 0.0,
+            dragged: 0,
             past: [Past::default(); 13],
             rail_moves: false,
             drove: false,
@@ -179,10 +181,15 @@ impl Judge {
         let mut ends = [f64::NEG_INFINITY, f64::INFINITY];
         for (finger, angles) in angles.iter().enumerate() {
             let height = fingertip(Side::Left, finger, angles, 0.0)[2];
-            if height - TIP_RADIUS < WHITE.top() - AMONG_KEYS_M {
-                // A tip that is stuck turns the roll joint up while the hand moves to high notes.
-                let way = |stop: f64| (MOUNT[1] - height) * (stop.tan() - angles[0].tan());
+            let Some(sent) = self.past[4 * finger].position else { continue };
+            if height - TIP_RADIUS > WHITE.top() - AMONG_KEYS_M {
+                continue;
+            }
+            // A tip that is stuck turns the roll joint up while the hand moves to high notes.
+            let way = |stop: f64| (MOUNT[1] - height) * (stop.tan() - angles[0].tan());
+            if angles[0] < sent - BEHIND_RAD {
                 ends[0] = ends[0].max(rail_m + way(-ROLL_STOP_RAD));
+            } else if angles[0] > sent + BEHIND_RAD {
                 ends[1] = ends[1].min(rail_m + way(ROLL_STOP_RAD));
             }
         }
@@ -303,7 +310,7 @@ impl Judge {
     }
 
     /// A target at this place on the rail, m, at this speed: a hand that goes on can still stop
-    /// before a finger among the keys gets to the stop of its roll joint, or it brakes.
+    /// before a finger that it drags gets to the stop of its roll joint, or it brakes.
     fn judge_dragging(&mut self, rail_m: f64, speed: f64, period: f64) {
         let limits = &self.limits[12];
         for (end, sign) in [-1.0, 1.0].into_iter().enumerate() {
@@ -315,9 +322,7 @@ impl Judge {
             // Besides: what one target may add before the hand brakes again.
             let most = self.allowed_m_s[end] + limits.acceleration * period + 0.03;
             assert!(speed * sign <= most, "{speed} m/s, {way} m before a finger's stop");
-            if stopping < limits.velocity && stopping >= braking {
-                self.worst_low_m_s = self.worst_low_m_s.max(speed * sign);
-            }
+            self.dragged += u64::from(stopping < limits.velocity);
         }
     }
 

@@ -6,11 +6,11 @@ use std::time::Duration;
 use etude_emulators::faults::FaultPlan;
 use etude_robot::Phase;
 use etude_robot::can::CanFrame;
-use etude_robot::joints::{DRIVEN, HAND_DRIVEN_JOINTS};
+use etude_robot::joints::DRIVEN;
 use etude_twin::{FaultKind, TwinParams, calibration};
 use proptest::prelude::*;
 
-use crate::bench::{Bench, with_links};
+use crate::bench::{Bench, start_pose, with_links};
 use crate::dice::Dice;
 use crate::policy::Policy;
 
@@ -54,7 +54,7 @@ fn any_policy() -> impl Strategy<Value = Policy> {
         3 => Just(Policy::Smooth),
         3 => Just(Policy::Jumps),
         3 => Just(Policy::Sweeps),
-        2 => Just(Policy::Dips),
+        2 => Just(Policy::Drags),
         1 => Just(Policy::Nonsense),
         1 => Just(Policy::Still),
         1 => Just(Policy::Silent),
@@ -253,24 +253,16 @@ proptest! {
     }
 }
 
-/// The hand with its middle finger bent in front of the keys: as low as among them, and it touches
-/// nothing.
-fn with_a_low_finger() -> Bench {
-    let mut bench = Bench::at_the_keyboard(&TwinParams::load("mild").unwrap());
-    let mut fingers = [0.0; HAND_DRIVEN_JOINTS];
-    fingers[4..8].copy_from_slice(&[0.0, 1.6, 0.5, 0.6]);
-    bench.lockstep.twin.place_fingers(&fingers);
-    bench.run(200);
-    bench.start_and_hold();
-    bench
-}
-
-/// Sweeps along the keyboard while a finger gets low and out again, and replies of the arm are held
-/// back.
+/// Sweeps along the keyboard while a finger presses keys and lets them go, and replies of the arm
+/// are held back.
 #[test]
-fn a_hand_brakes_while_a_finger_is_among_the_keys() {
-    let mut bench = with_a_low_finger();
-    bench.follow(Policy::Dips);
+fn a_hand_brakes_while_it_drags_a_finger() {
+    let mut bench = Bench::at_the_keyboard(&TwinParams::load("mild").unwrap());
+    let start = start_pose();
+    bench.lockstep.twin.place_fingers(&std::array::from_fn(|joint| start[joint]));
+    bench.run(20);
+    bench.start_and_hold();
+    bench.follow(Policy::Drags);
     for round in 0..40 {
         // At another place of a sweep in each round.
         bench.run(100 + 37 * round % 300);
@@ -279,22 +271,9 @@ fn a_hand_brakes_while_a_finger_is_among_the_keys() {
     }
     assert_eq!(bench.robot.phase(), Phase::Following, "{:?}", bench.robot.fault());
     let judge = &bench.judge;
-    println!("{} m/s, {} with a low finger", judge.worst_step_m / 0.005, judge.worst_low_m_s);
+    println!("{} m/s, {} of {} targets", judge.worst_step_m / 0.005, judge.dragged, judge.targets);
     assert!(judge.worst_step_m > 0.9 * bench.robot.config().limits.rail_velocity * 0.005);
-    assert!((0.4..0.7).contains(&judge.worst_low_m_s));
-}
-
-/// The same while the finger stays low.
-#[test]
-fn a_hand_moves_slowly_with_a_finger_among_the_keys() {
-    let mut bench = with_a_low_finger();
-    bench.follow(Policy::Sweeps);
-    bench.run(4000);
-    assert_eq!(bench.robot.phase(), Phase::Following, "{:?}", bench.robot.fault());
-    println!("{} m/s", bench.judge.worst_low_m_s);
-    assert_eq!(bench.robot.pressed(), 0);
-    assert!((0.4..0.7).contains(&bench.judge.worst_low_m_s));
-    assert!(bench.judge.worst_step_m < 0.7 * 0.005, "{} m", bench.judge.worst_step_m);
+    assert!(judge.dragged > 50, "{}", judge.dragged);
 }
 
 /// The property above is worth something only if robots do move in it.

@@ -9,11 +9,13 @@ use etude_stage::kinematics;
 use super::keyboard::{E, MIDDLE, ROLL, SETS, key_contacts};
 use super::*;
 
-/// Keys bear no more than this along the keyboard, N, on average over 20 ms. The roll joint's clamp
-/// gives 3.3 N at the key, friction of a finger that presses with 5.5 N gives 2.8 N, and a finger of
-/// 0.13 kg that comes at 0.6 m/s is stopped within 20 ms by 4 N. The rest is a third. An arm that
-/// pushes a finger at its stop takes 29 to 200 N.
-const BEARS_N: f64 = 15.0;
+/// The most that keys get along the keyboard, N, on average over 20 ms: twice the 16 N with which the
+/// excitation `keys` pushes against a black key. An arm that pushes a finger at its stop takes 24 to
+/// 232 N.
+const MOST_N: f64 = 30.0;
+/// The same within a millisecond, in which a finger strikes the edge of a key; at its stop up to
+/// 1,000 N.
+const MOST_IN_A_STRIKE_N: f64 = 200.0;
 
 /// The middle finger presses E, and after half a second the policy asks for a place `way_m` farther
 /// along the keyboard at once, with the finger still pressing: the force on all keys along the
@@ -60,7 +62,7 @@ fn drag(name: &str, way_m: f64) -> Vec<f64> {
 }
 
 #[test]
-fn a_hand_that_drags_a_pressed_key_along_pushes_with_what_a_key_bears() {
+fn a_hand_that_moves_on_with_a_pressed_key_stops_before_the_arm_pushes_it() {
     for name in SETS {
         for way_m in [-0.25, 0.25] {
             let forces = drag(name, way_m);
@@ -68,9 +70,8 @@ fn a_hand_that_drags_a_pressed_key_along_pushes_with_what_a_key_bears() {
             let sustained = sustained.fold(0.0, f64::max);
             let peak = forces.iter().fold(0.0, |most: f64, force| most.max(force.abs()));
             println!("{name}, {way_m} m: {sustained:.1} N over 20 ms, {peak:.0} N over 1 ms");
-            assert!(sustained < BEARS_N, "{name}, {way_m} m: {sustained} N");
-            // What a finger that strikes an edge does within a millisecond.
-            assert!(peak < 100.0, "{name}, {way_m} m: {peak} N");
+            assert!(sustained < MOST_N, "{name}, {way_m} m: {sustained} N");
+            assert!(peak < MOST_IN_A_STRIKE_N, "{name}, {way_m} m: {peak} N");
         }
     }
 }
