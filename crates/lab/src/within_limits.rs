@@ -86,14 +86,8 @@ fn remedy(
         }
     }
     let default = LimitsConfig::default();
-    let LimitsConfig { rail_velocity, rail_acceleration, rail_jerk, key_down_rail_velocity, .. } = *limits;
-    let fast_fingers = LimitsConfig {
-        rail_velocity,
-        rail_acceleration,
-        rail_jerk,
-        key_down_rail_velocity,
-        ..default.clone()
-    };
+    let LimitsConfig { rail_velocity, rail_acceleration, rail_jerk, .. } = *limits;
+    let fast_fingers = LimitsConfig { rail_velocity, rail_acceleration, rail_jerk, ..default.clone() };
     let LimitsConfig { finger_velocity, finger_acceleration, finger_jerk, .. } = *limits;
     let fast_rail = LimitsConfig { finger_velocity, finger_acceleration, finger_jerk, ..default };
     for (group, limits) in [("finger", fast_fingers), ("rail", fast_rail)] {
@@ -119,7 +113,6 @@ fn lowered(limits: &LimitsConfig) -> Vec<String> {
         ("rail_velocity", limits.rail_velocity, default.rail_velocity),
         ("rail_acceleration", limits.rail_acceleration, default.rail_acceleration),
         ("rail_jerk", limits.rail_jerk, default.rail_jerk),
-        ("key_down_rail_velocity", limits.key_down_rail_velocity, default.key_down_rail_velocity),
     ];
     let lower = limits.into_iter().filter(|(_, limit, default)| limit < default);
     lower.map(|(name, limit, default)| format!("limits.{name} = {limit} ({default} by default)")).collect()

@@ -40,7 +40,7 @@ fn measured_of(motions: &[RecordedMotion], folder: &Path) -> Vec<Measured> {
 
 #[test]
 fn a_known_keyboard_is_found() {
-    let change = "[physics]\n\"key.threshold\" = 0.6\n\"key.preload\" = 0.5\n\"key.stiffness\" = 0.8\n\
+    let change = "[physics]\n\"key.threshold\" = 0.6\n\"key.preload\" = 0.5\n\"key.stiffness\" = 0.8\n\"key.friction\" = 0.3\n\
                   \"keyboard.height\" = -0.0015\n\"joint.index_1.encoder_bias\" = 0.01\n\"joint.ring_1.encoder_bias\" = -0.01\n\
                   \"joint.middle_2.encoder_bias\" = -0.01\n\"joint.ring_2.encoder_bias\" = 0.01\n\
                   \"keyboard.lateral\" = 0.001\n\"keyboard.depth\" = 0.002\n\"joint.index_0.encoder_bias\" = 0.02\n\"joint.middle_0.encoder_bias\" = -0.02\n\

@@ -44,8 +44,8 @@ pub struct Delays {
 /// The share of what a joint missed that is added after each run. With all of it, the noise of one
 /// run would be played in the next.
 const GAIN: f64 = 0.5;
-/// The share of the offsets that is kept after each run. A finger that is stopped by a key or a
-/// fence does not push harder from run to run.
+/// The share of the offsets that is kept after each run. A finger that is stopped by a key does
+/// not push harder from run to run.
 const RETENTION: f64 = 0.9;
 /// The largest offset of a joint that bends a finger, of one that turns it aside, rad, and of the
 /// rail, m. A finger that turns aside has the least range, and where it is that far from its

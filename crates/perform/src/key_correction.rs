@@ -1,6 +1,6 @@
 //! Corrections of a robot's fingertip targets over the keys, learned from the keys themselves.
 //! Where the keyboard is not where it is in the simulation, a finger that follows its path exactly
-//! strikes late and lifts early, strikes the key beside it, or comes down on a fence.
+//! strikes late and lifts early, strikes the key beside it, or both.
 //! [`Correction`] brings the joints to their path, and this moves the path.
 
 use etude_music::{LOWEST_PITCH, Note};

@@ -1,6 +1,5 @@
 //! A simulation whose joints a robot follows: the paper's modes *joint mirroring* and *hybrid*.
 
-use etude_robot::rig_file::LimitsConfig;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World, joint_range};
 use etude_task::{Command, RigState, TaskConfig, TaskError};
 
@@ -8,7 +7,7 @@ use crate::mode::Mode;
 use crate::performance::{Ending, Performance, PlayedStep};
 use crate::rig::{Rig, StepEnd, UNSTABLE};
 use crate::robot_rig::RobotRig;
-use crate::shaping::{Waypoints, slow_while_keys_are_down};
+use crate::shaping::Waypoints;
 use crate::{PerformError, Recorder};
 
 /// Where the keys of the observation come from.
@@ -29,16 +28,15 @@ struct Mirrored<'a> {
 }
 
 impl Mode {
-    /// The simulation of `task` that runs beside a robot with these limits in this mode, if one
-    /// does.
+    /// The simulation of `task` that runs beside a robot in this mode, if one does.
     ///
     /// # Errors
     /// If the task's configuration is not valid.
-    pub fn simulation(self, task: &TaskConfig, limits: &LimitsConfig) -> Result<Option<World>, TaskError> {
+    pub fn simulation(self, task: &TaskConfig) -> Result<Option<World>, TaskError> {
         if !self.has_simulation() {
             return Ok(None);
         }
-        Ok(Some(World::new(&task.stage, &slow_while_keys_are_down(task.params()?, limits))?))
+        Ok(Some(World::new(&task.stage, &task.params()?)?))
     }
 
     /// Puts the rig of this mode together: `robot` alone, or with its

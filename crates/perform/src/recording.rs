@@ -126,7 +126,9 @@ impl Recording {
                 }
                 HandMessage::TOPIC => serde_json::from_slice(data).map(|hand| self.hand.push((secs, hand))),
                 ArmMessage::TOPIC => serde_json::from_slice(data).map(|arm| self.arm.push((secs, arm))),
-                EventMessage::TOPIC => serde_json::from_slice(data).map(|event| self.events.push((secs, event))),
+                EventMessage::TOPIC => {
+                    serde_json::from_slice(data).map(|event| self.events.push((secs, event)))
+                }
                 _ => Ok(()),
             };
             taken.map_err(|error| format!("a message on {} is damaged: {error}", message.channel.topic))?;

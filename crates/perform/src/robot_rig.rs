@@ -185,8 +185,7 @@ impl Rig for RobotRig<'_> {
         recorder: &mut Recorder<'_>,
     ) -> Result<StepEnd, PerformError> {
         let mut waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
-        let key_down = keys(self.robot) != KeySet::EMPTY;
-        self.shaping.shape(&command.targets, key_down, &mut waypoints);
+        self.shaping.shape(&command.targets, &mut waypoints);
         let followed = self.follow(&waypoints, command, observation, recorder)?;
         Ok(followed.map(|pressed| PlayedStep { pressed, simulated: None }))
     }

@@ -7,7 +7,7 @@
 
 use etude_robot::rig_file::{LimitsConfig, MAX_FINGER_LIMITS, MAX_RAIL_LIMITS};
 use etude_stage::controller::{Actuation, Controller, ControllerConstants};
-use etude_stage::params::{JointRow, WorldRow};
+use etude_stage::params::JointRow;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
 
 /// Set-points of one control step, one for each physics step: rad, the rail in m.
@@ -20,8 +20,6 @@ const LIMIT_SHARE: f64 = 0.95;
 /// Shapes targets into set-points.
 pub(crate) struct Shaping {
     gains: [ControllerConstants; DRIVEN_JOINTS],
-    /// Those of the rail while a key is down.
-    key_down_gains: ControllerConstants,
     controllers: [Controller; DRIVEN_JOINTS],
 }
 
@@ -33,25 +31,16 @@ impl Shaping {
         let gains = std::array::from_fn(|joint| {
             ControllerConstants::new(&params, joint, Actuation::Controlled, step)
         });
-        let key_down_gains = gains[RAIL].slower(params.world(WorldRow::KeyDownVelocity));
-        Self { gains, key_down_gains, controllers: pose.map(Controller::at_rest) }
+        Self { gains, controllers: pose.map(Controller::at_rest) }
     }
 
-    /// The set-points of a control step with these targets. `key_down` says whether a key is down
-    /// when it begins.
-    pub(crate) fn shape(
-        &mut self,
-        targets: &[f64; DRIVEN_JOINTS],
-        key_down: bool,
-        waypoints: &mut Waypoints,
-    ) {
-        let rail = if key_down { self.key_down_gains } else { self.gains[RAIL] };
+    /// The set-points of a control step with these targets.
+    pub(crate) fn shape(&mut self, targets: &[f64; DRIVEN_JOINTS], waypoints: &mut Waypoints) {
         for waypoint in waypoints {
             for joint in 0..DRIVEN_JOINTS {
                 let [low, high] = joint_range(joint);
                 let target = targets[joint].clamp(low, high);
-                let gains = if joint == RAIL { &rail } else { &self.gains[joint] };
-                waypoint[joint] = self.controllers[joint].follow(gains, target);
+                waypoint[joint] = self.controllers[joint].follow(&self.gains[joint], target);
             }
         }
     }
@@ -110,13 +99,6 @@ pub fn within_limits(mut params: PhysicalParams, limits: &LimitsConfig) -> Physi
             params.set_joint(row, joint, params.joint(row, joint).min(LIMIT_SHARE * limit));
         }
     }
-    slow_while_keys_are_down(params, limits)
-}
-
-/// The same parameters, with the rig's limit on the rail while a key is down.
-pub(crate) fn slow_while_keys_are_down(mut params: PhysicalParams, limits: &LimitsConfig) -> PhysicalParams {
-    let slow = params.world(WorldRow::KeyDownVelocity).min(LIMIT_SHARE * limits.key_down_rail_velocity);
-    params.set_world(WorldRow::KeyDownVelocity, slow);
     params
 }
 
@@ -157,7 +139,7 @@ mod tests {
         /// Whatever the targets, the limiter has nothing to clamp.
         #[test]
         fn what_is_shaped_passes_the_limiter(
-            targets in prop::collection::vec((prop::array::uniform13(-2.0..2.0f64), any::<bool>()), 1..20),
+            targets in prop::collection::vec(prop::array::uniform13(-2.0..2.0f64), 1..20),
         ) {
             let limits = LimitsConfig::default();
             let mut shaping = Shaping::new(&limits, &[0.0; DRIVEN_JOINTS]);
@@ -167,8 +149,8 @@ mod tests {
                 std::array::from_fn(|joint| if joint == RAIL { axes[axes.len() - 1] } else { axes[joint] });
             let mut limiter = limits.map(|limits| Axis::at_rest(limits, 0.005, 0.0));
             let mut waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
-            for (targets, key_down) in targets {
-                shaping.shape(&targets, key_down, &mut waypoints);
+            for targets in targets {
+                shaping.shape(&targets, &mut waypoints);
                 for waypoint in &waypoints {
                     for (joint, axis) in limiter.iter_mut().enumerate() {
                         let clamp = axis.step(waypoint[joint]);

@@ -91,10 +91,6 @@ settings! {
         /// would take it in servo mode; at most nearly all of the largest one, from one direction
         /// to the other, within one set-point.
         pub rail_jerk: f64 = 1500.0, positive_to(MAX_RAIL_LIMITS[2]);
-        /// The speed while a key sounds or a fingertip is as low as between two fences, m/s: it is
-        /// not dragged against them faster. A judgement: what the paper's fences bear is not
-        /// published.
-        pub key_down_rail_velocity: f64 = 0.42, positive_to(1.0);
         /// Where the thumb stays, rad. The default is the unused thumb of
         /// lasr-lab/learning-to-play-piano.
         pub thumb_rad: [f64; 4] = [0.363, 0.0, 0.0, 0.0];
@@ -229,7 +225,6 @@ mod tests {
             ("finger_acceleration", 2000.0),
             ("finger_jerk", 400_000.0),
             ("rail_velocity", 1.0),
-            ("key_down_rail_velocity", 1.0),
             ("rail_acceleration", 14.0),
             ("rail_jerk", 5000.0),
             ("start_finger_rad", 0.5),

@@ -6,6 +6,7 @@ use etude_music::KEY_COUNT;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::Actuation;
+use crate::geometry::WHITE;
 use crate::hand::Side;
 
 /// Physics steps per control step (design: physics at 200 Hz under control at 20 Hz).
@@ -87,6 +88,9 @@ pub struct ModelOptions {
     pub hand_tilt_rad: [f64; 2],
     /// The keys.
     pub keys: [KeyFactors; KEY_COUNT],
+    /// Width of a white key, m; the distance of two keys stays, so that the rest of it is the gap
+    /// between them.
+    pub white_width_m: f64,
 }
 
 impl Default for ModelOptions {
@@ -100,6 +104,7 @@ impl Default for ModelOptions {
             gravity: false,
             hand_tilt_rad: [0.0; 2],
             keys: [KeyFactors { stiffness: 1.0, travel: 1.0 }; KEY_COUNT],
+            white_width_m: WHITE.size[1],
         }
     }
 }

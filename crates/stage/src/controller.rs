@@ -40,8 +40,6 @@ pub struct ControllerConstants {
     torque_limit: f64,
     smoothing: f64,
     velocity_limit: f64,
-    /// The speed at which the reference moves toward a target that is far away.
-    speed: f64,
     acceleration_limit: f64,
     jerk_limit: f64,
     approach: f64,
@@ -71,7 +69,6 @@ impl ControllerConstants {
             torque_limit: value(JointRow::TorqueLimit),
             smoothing: 1.0 - (-step_secs / value(JointRow::LowPass).max(1e-9)).exp(),
             velocity_limit: value(JointRow::VelocityLimit),
-            speed: value(JointRow::VelocityLimit),
             acceleration_limit,
             jerk_limit,
             approach: 1.0 / (4.0 * settle_secs),
@@ -80,12 +77,6 @@ impl ControllerConstants {
             encoder_bias: value(JointRow::EncoderBias),
             actuation,
         }
-    }
-
-    /// The same for a reference that moves toward its target with `most` at most, and brakes to
-    /// that if it is faster.
-    pub fn slower(self, most: f64) -> Self {
-        Self { speed: self.speed.min(most), ..self }
     }
 
     /// The PD law: torque toward the position `wanted`.
@@ -195,7 +186,7 @@ impl Controller {
         // half is a reserve for the jerk limit. Close by: proportional, so that it settles without
         // overshoot.
         let stoppable = (gains.acceleration_limit * error.abs()).sqrt();
-        let speed = (gains.approach * error.abs()).min(stoppable).min(gains.speed);
+        let speed = (gains.approach * error.abs()).min(stoppable).min(gains.velocity_limit);
         let wanted = (speed.copysign(error) - self.velocity) / gains.settle_secs;
         let wanted = wanted.clamp(-gains.acceleration_limit, gains.acceleration_limit);
         let most = gains.jerk_limit * dt;

@@ -130,7 +130,8 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
     // other keys would move while it sleeps.
     let key = |key: usize| {
         let shape = KeyShape::of(key);
-        let [length, width, thick] = shape.size.map(|size| size / 2.0);
+        let [length, own_width, thick] = shape.size.map(|size| size / 2.0);
+        let width = if etude_music::key_is_black(key) { own_width } else { options.white_width_m / 2.0 };
         let [x, y, z] = key_place(params, yaw, key);
         let [red, green, blue] = key_colour(key);
         let [low, stop] = key_range(params, options, key);
@@ -368,6 +369,11 @@ mod tests {
         assert_eq!(lines.len(), 1);
         let stop = KeyShape::of(7).max_angle() / 2.0;
         assert!(lines[0].1.contains(&format!(r#"{stop}" stiffness="2""#)), "{}", lines[0].1);
+
+        let narrower = text(&ModelOptions { white_width_m: 0.02, ..ModelOptions::default() });
+        let lines = differing(&simulators, &narrower);
+        assert_eq!(lines.len(), crate::geometry::WHITE_KEYS);
+        assert!(lines.iter().all(|(_, line)| line.contains(r#"size="0.075 0.01 0.01125""#)));
 
         let firm = text(&ModelOptions { firm_joints: true, ..ModelOptions::default() });
         assert_eq!(firm.lines().count(), simulators.lines().count() + 1);

@@ -8,6 +8,7 @@ use etude_checks::{check_range, settings};
 use etude_emulators::KeyboardEmulatorConfig;
 use etude_emulators::faults::{FaultPlan, OrderedFault};
 use etude_music::KEY_COUNT;
+use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::params::WorldRow;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
 use serde::{Deserialize, Serialize};
@@ -18,6 +19,8 @@ use crate::error::TwinParamsError;
 pub const STEP: Duration = Duration::from_millis(1);
 /// Joints of a finger.
 pub(crate) const FINGER: usize = 4;
+/// The gap between two white keys, m: RoboPianist's (`models/piano/piano_constants.py`).
+pub(crate) const KEY_GAP_M: f64 = 0.001;
 /// How far apart the two contacts of a key are at least, and the second from the stop, as a share
 /// of its travel.
 const CONTACT_GAP: f64 = 0.02;
@@ -183,6 +186,7 @@ impl Numbers {
             gravity: self.world.gravity,
             hand_tilt_rad: self.arm.tilt_rad,
             keys: stiffness.map(|stiffness| KeyFactors { stiffness, travel: self.keys.travel }),
+            white_width_m: WHITE_PITCH - KEY_GAP_M,
         }
     }
 

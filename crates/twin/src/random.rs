@@ -67,7 +67,7 @@ pub(crate) const RANGES: &[Range] = &[
     range("key.threshold", [0.4, 0.6]),
     range("key.stiffness", [0.7, 1.2]),
     range("key.damping", [0.04, 0.1]),
-    range("key.friction", [0.6, 1.0]),
+    range("key.friction", [0.2, 0.5]),
     range("keys.threshold_spread", [0.05, 0.15]),
     range("keys.stiffness_spread", [0.1, 0.25]),
     range("keys.travel", [0.93, 1.07]),

@@ -85,7 +85,8 @@ impl Twin {
     pub fn new(twin_params: &TwinParams, side: HandSide) -> Result<Self, TwinError> {
         let numbers = &twin_params.numbers;
         let params = numbers.params().map_err(TwinParamsError::from)?;
-        let stage = StageConfig { side: stage_side(side), ..StageConfig::default() };
+        // A real keyboard has no fences: the sides of its keys do what they stand for.
+        let stage = StageConfig { side: stage_side(side), fences: false, ..StageConfig::default() };
         let hand = HandEmulatorConfig {
             side,
             noise_counts: numbers.hand.noise_counts,
@@ -247,5 +248,9 @@ pub fn stage_side(side: HandSide) -> Side {
     }
 }
 
+#[cfg(test)]
+mod dragging;
+#[cfg(test)]
+mod keyboard;
 #[cfg(test)]
 mod tests;

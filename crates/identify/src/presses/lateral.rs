@@ -23,8 +23,7 @@ struct GapPress {
     /// How far from the gap's nominal position the fingertip was before it came down, m, by its
     /// encoders.
     offset_m: f64,
-    /// Keys that sounded: -1 the lower one alone, 1 the higher one alone, 0 both, or none: the
-    /// fingertip stood on the fence.
+    /// Keys that sounded: -1 the lower one alone, 1 the higher one alone, 0 both, or none.
     sounded: f64,
     /// How far the fingertip moves to the side with the finger's first joint, m/rad.
     slope: f64,

@@ -342,7 +342,7 @@ fn one_run(
     let (pianist, interrupt) = (play.pianist, job.interrupt());
     let task = &pianist.config.task;
     // What takes long comes before the robot has power.
-    let simulation = play.mode.simulation(task, &session.robot.config().limits)?;
+    let simulation = play.mode.simulation(task)?;
     let mut ready = pianist.ready(task, piece, planner.on_progress())?;
     let Session { robot, pace } = session;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;

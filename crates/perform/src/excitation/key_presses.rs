@@ -20,10 +20,10 @@ pub(super) const PRESS_X_M: f64 = 0.028;
 const PRESS_SECS: f64 = 1.5;
 /// Places beside the gap to the next lower white key that are pressed, from the one most to the
 /// left to the one most to the right, m, and how far apart they are; beside the gap to the next
-/// higher key those between. The farthest is for a keyboard and an encoder that are some
-/// millimetres off.
-pub(super) const BESIDE_M: f64 = 0.007;
-const BESIDE_EVERY_M: f64 = 0.002;
+/// higher key those between. Within some millimetres of the gap a finger presses both keys. The
+/// farthest is for a keyboard and an encoder that are some millimetres off as well.
+pub(super) const BESIDE_M: f64 = 0.0085;
+const BESIDE_EVERY_M: f64 = 0.0017;
 /// Where along the keys that is, m toward the player from their middle: clear of the black keys,
 /// beside which the finger moves.
 pub(super) const BESIDE_X_M: f64 = 0.033;

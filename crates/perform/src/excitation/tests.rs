@@ -98,9 +98,9 @@ fn a_finger_presses_one_white_key_at_a_time_in_its_middle_or_beside_a_gap() {
         }
         assert_eq!(pressed.len(), 9, "{side:?}: {pressed:?}");
         assert_eq!(pushed.len(), 9, "{side:?}: {pushed:?}");
-        // Every millimetre.
+        // Every 0.85 mm.
         let all: Vec<(usize, i64)> =
-            (0..FINGERS).flat_map(|finger| (-7..=7).map(move |mm| (finger, 1000 * mm))).collect();
+            (0..FINGERS).flat_map(|finger| (-10..=10).map(move |place| (finger, 850 * place))).collect();
         assert_eq!(gaps.into_iter().collect::<Vec<_>>(), all, "{side:?}");
     }
 }

@@ -43,7 +43,7 @@ pub fn with_rig<T>(
     };
     with_robot(twin_params, task, |robot, lockstep, pose| {
         prepare(robot, lockstep, Some(pose), None, &AtomicBool::new(false)).unwrap();
-        let simulation = mode.simulation(task, &robot.config().limits).unwrap();
+        let simulation = mode.simulation(task).unwrap();
         use_rig(&mut *mode.rig(simulation, RobotRig::new(robot, lockstep, pose)))
     })
 }

@@ -13,7 +13,7 @@ pub(super) const PROXIMAL_M: f64 = 0.054;
 pub(super) const MEDIAL_M: f64 = 0.0384;
 const DISTAL_M: f64 = 0.029 + 0.016;
 /// Radius of a fingertip, m.
-const TIP_RADIUS_M: f64 = 0.0085;
+pub(crate) const TIP_RADIUS_M: f64 = 0.0085;
 
 /// The playing fingers at `positions` (rad, as on the wire): rotation at the palm, and the angle of
 /// each link from straight ahead toward the keys, rad.

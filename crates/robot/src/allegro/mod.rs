@@ -26,6 +26,7 @@ mod state;
 pub use config::HandConfig;
 pub use driver::Hand;
 pub use fault::HandFault;
+pub(crate) use fingers::TIP_RADIUS_M;
 pub use fingers::{PLAYING, tip_depths};
 pub use gravity::holding_torques;
 pub use joint_loop::{JointLoop, JointLoopConfig};

@@ -67,6 +67,12 @@ impl Axis {
         self.state.velocity
     }
 
+    /// Where it comes to rest if it brakes from now on.
+    pub fn stop_position(&self) -> f64 {
+        let states = self.state.braking(&self.limits, self.step_secs);
+        states.last().map_or(self.state.position, |state| state.position)
+    }
+
     /// Moves the set-point one step toward `target`; returns the limit that kept it from reaching
     /// it, if it did not.
     pub fn step(&mut self, target: f64) -> Option<Clamp> {

@@ -19,8 +19,8 @@ pub enum Clamp {
     Passing,
     /// The arm has not followed: the set-point of the rail waits for it.
     Ahead,
-    /// A key is down, or a finger is between fences: the hand moves along the keyboard only slowly.
-    KeyDown,
+    /// A finger among the keys would be dragged as far as the stop of its roll joint.
+    Dragging,
 }
 
 impl Clamp {
@@ -35,7 +35,7 @@ impl Clamp {
             Self::Stopping => "stopping",
             Self::Passing => "passing",
             Self::Ahead => "ahead",
-            Self::KeyDown => "key-down",
+            Self::Dragging => "dragging",
         }
     }
 }

@@ -146,14 +146,16 @@ impl Robot {
         self.advance_plan(now)?;
         while let Some(at) = self.set_points.next_due(now) {
             let asked = self.motion.asked(at, &self.config.limits.thumb_rad);
-            let held = self.interlock().holds_rail(self.set_points.rail(), &self.rail_arm);
+            let rail = self.set_points.rail();
+            let asked_m = asked.map_or(rail.position(), |asked| asked[RAIL_AXIS]);
+            let held = Interlock::new(&self.hand, &self.set_points.reference(now)).holds_rail(
+                rail,
+                asked_m,
+                &self.rail_arm,
+            );
             self.status.journal.push(self.set_points.step(asked, held));
         }
         Ok(())
-    }
-
-    fn interlock(&self) -> Interlock {
-        Interlock::new(&self.hand, &self.keyboard.keyboard, self.config.limits.key_down_rail_velocity)
     }
 
     /// Begins to hold still where the robot stands.
@@ -197,9 +199,10 @@ impl Robot {
             return Ok(self.rail_arm.arm.servo(now, joints)?);
         }
         let easing = (self.set_points.easing.left(now)[RAIL_AXIS], self.set_points.easing.share(now));
-        let interlock = self.interlock();
-        let brakes = |rail: &Axis| interlock.drags(rail);
-        self.rail_arm.follow_rail(now, pause, self.set_points.rail().position(), easing, brakes)
+        let interlock = Interlock::new(&self.hand, &self.set_points.reference(now));
+        let (rail_m, at_m) = (self.set_points.rail().position(), self.rail_arm.place().rail_m);
+        let brakes = |rail: &Axis| interlock.drags(rail, rail_m, at_m);
+        self.rail_arm.follow_rail(now, pause, rail_m, easing, brakes)
     }
 
     /// One period of the joint loop.

@@ -53,7 +53,7 @@ impl JointCheck {
 /// Turns each joint of the hand a little and back, slowly. The robot must hold still; the arm stays
 /// where it is. The fingers' joints turn away from the keys, their rotations at the palm and the
 /// thumb's joints towards the middle of their ranges. A rotation that does not turn there turns the
-/// other way too: without power a finger may have sunk beside a fence.
+/// other way too: without power a finger may have sunk beside a black key.
 ///
 /// The check of each joint, in the order of the wire: fewer than [`JOINTS_CHECKED`] if one turned
 /// in the wrong direction, in which case the robot is stopped, or if the robot was stopped

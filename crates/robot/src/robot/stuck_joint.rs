@@ -2,7 +2,8 @@
 //! failed, or something blocks the joint.
 //!
 //! A key or a stop holds a joint in one direction only; but a finger that presses a key is held by
-//! friction and by fences in its rotation at the palm, on both sides, and that is not watched then.
+//! friction and by the neighbouring keys in its rotation at the palm, on both sides, and that is
+//! not watched then.
 //! The thresholds are judgements: playing the shipped songs on the twin (`ideal`, `standard` and
 //! `worn`, real execution), no joint stood for more than 0.054 s on either side. That a joint turns
 //! against its torque says nothing while it plays: keys push it by up to 1.6 rad.

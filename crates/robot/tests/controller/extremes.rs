@@ -13,7 +13,6 @@ fn any_limits_that_are_sound_can_be_run_with() {
         "finger_acceleration",
         "finger_jerk",
         "rail_velocity",
-        "key_down_rail_velocity",
         "rail_acceleration",
         "rail_jerk",
         "start_finger_rad",

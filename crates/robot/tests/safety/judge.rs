@@ -4,6 +4,7 @@
 //! Decoding and limits are its own, from the published sources: what the crate's codecs and tables
 //! had wrong, it would not share.
 
+use std::collections::VecDeque;
 use std::f64::consts::PI;
 use std::time::Duration;
 
@@ -12,10 +13,10 @@ use etude_robot::limiter::AxisLimits;
 use etude_robot::rig_file::RigConfig;
 use etude_robot::xarm::kinematics::forward;
 use etude_robot::{Phase, Record};
-use etude_stage::DRIVEN_JOINTS;
 use etude_stage::geometry::WHITE;
-use etude_stage::hand::{Side, TIP_RADIUS};
+use etude_stage::hand::{MOUNT, Side, TIP_RADIUS};
 use etude_stage::kinematics::fingertip;
+use etude_stage::{DRIVEN_JOINTS, RAIL};
 
 /// Largest PWM of a finger's and the thumb's joints (allegro_hand_ros_v4).
 const FINGER_PWM: [i16; 4] = [375, 675, 450, 285];
@@ -39,16 +40,22 @@ const TARGET_SECS: [f64; 2] = [0.005, 0.02];
 /// The first target may be so far from the arm: reports are up to 10 ms old, and it may still
 /// brake.
 const FIRST_RAD: f64 = 0.1;
-/// Time after a key went down in which the hand may not yet brake: a poll, a set-point, a target,
-/// and the jerk of each.
-const REACTION_SECS: f64 = 0.025;
-/// The same after a finger came between fences, where the hand's angles may be old.
-const OLD_ANGLES_SECS: f64 = 0.015;
-/// A fingertip this far below the tops of the white keys is between fences, whatever biases and
-/// play the encoders have, m.
-const BETWEEN_FENCES_M: f64 = 0.0055;
-/// Lowest and highest note of the keyboard.
-const NOTES: [u8; 2] = [36, 84];
+/// Time after a finger began to be dragged in which the hand may not yet brake: old angles, a poll,
+/// a set-point, a target, and the jerk of each.
+const REACTION: Duration = Duration::from_millis(40);
+/// A fingertip this far below the tops of the white keys is among them, whatever biases and play the
+/// encoders have, m.
+const AMONG_KEYS_M: f64 = 0.0055;
+/// A roll joint this far from where it was sent is dragged, whatever biases and play the encoders
+/// have, rad.
+const BEHIND_RAD: f64 = 0.15;
+/// The stop of a finger's roll joint, rad (Allegro's URDF).
+const ROLL_STOP_RAD: f64 = 0.47;
+/// Where the flange stands over the middle of the keyboard, m in the arm's frame, whose y points
+/// toward the low notes (the paper's C3).
+const MIDDLE_M: [f64; 3] = [0.485, -0.00283, 0.17051];
+/// Nearer than this to the line along the keyboard through that place, m, the arm follows the rail.
+const ON_RAIL_M: f64 = 0.006;
 /// Set-points per second.
 const SETPOINT_SECS: f64 = 0.005;
 
@@ -82,17 +89,13 @@ pub struct Judge {
     pub worst_step_m: f64,
     pub worst_m_s2: f64,
     pub worst_m_s3: f64,
-    /// Status of the keyboard's messages, and the first data byte of one that is not whole yet.
-    midi: (u8, Option<u8>),
-    /// Notes that sound, and since when one does.
-    notes: u128,
-    sounds_since: Option<Duration>,
-    /// Since when a finger is between fences.
-    low_since: Option<Duration>,
-    key_down_m_s: f64,
-    /// Greatest speed along the keyboard while a key sounds or a finger is between fences and the
-    /// hand has had time to brake, m/s.
-    pub worst_key_down_m_s: f64,
+    /// For the last moments, the place on the rail beyond which the hand may not get, m, toward the
+    /// low and toward the high notes: there a finger that it drags has its roll joint at its stop.
+    ends: VecDeque<(Duration, [f64; 2])>,
+    /// Speeds that the hand may have toward either end: it brakes to them.
+    allowed_m_s: [f64; 2],
+    /// Targets at which a finger was dragged.
+    pub dragged: u64,
     past: [Past; 13],
     /// Whether the arm is told where to be by the set-point of the rail.
     rail_moves: bool,
@@ -124,12 +127,9 @@ impl Judge {
             worst_step_m: 0.0,
             worst_m_s2: 0.0,
             worst_m_s3: 0.0,
-            midi: (0, None),
-            notes: 0,
-            sounds_since: None,
-            low_since: None,
-            key_down_m_s: rig.limits.key_down_rail_velocity,
-            worst_key_down_m_s: 0.0,
+            ends: VecDeque::new(),
+            allowed_m_s: [rig.limits.rail_velocity; 2],
+            dragged: 0,
             past: [Past::default(); 13],
             rail_moves: false,
             drove: false,
@@ -175,41 +175,28 @@ impl Judge {
         }
     }
 
-    /// Bytes come from the keyboard.
-    pub fn midi_bytes(&mut self, now: Duration, bytes: &[u8]) {
-        for &byte in bytes {
-            match (byte, self.midi) {
-                (0xF8..=0xFF, _) => {}
-                // System messages hold no notes.
-                (0xF0..=0xF7, _) => self.midi = (0, None),
-                (0x80..=0xEF, _) => self.midi = (byte, None),
-                (_, (0 | 0xC0..=0xDF, _)) => {}
-                (_, (status, None)) => self.midi = (status, Some(byte)),
-                (_, (status, Some(note))) => {
-                    self.midi = (status, None);
-                    let on_keyboard = (NOTES[0]..=NOTES[1]).contains(&note);
-                    match (status >> 4, byte) {
-                        (9, 1..) if on_keyboard => self.notes |= 1 << note,
-                        (8, _) | (9, 0) => self.notes &= !(1 << note),
-                        _ => {}
-                    }
-                }
+    /// The joints of the hand really are at these angles, and it is at this place on the rail.
+    pub fn fingers(&mut self, now: Duration, joints: &[f64; DRIVEN_JOINTS]) {
+        let (angles, rail_m) = (joints.as_chunks::<4>().0, joints[RAIL]);
+        let mut ends = [f64::NEG_INFINITY, f64::INFINITY];
+        for (finger, angles) in angles.iter().enumerate() {
+            let height = fingertip(Side::Left, finger, angles, 0.0)[2];
+            let Some(sent) = self.past[4 * finger].position else { continue };
+            if height - TIP_RADIUS > WHITE.top() - AMONG_KEYS_M {
+                continue;
+            }
+            // A tip that is stuck turns the roll joint up while the hand moves to high notes.
+            let way = |stop: f64| (MOUNT[1] - height) * (stop.tan() - angles[0].tan());
+            if angles[0] < sent - BEHIND_RAD {
+                ends[0] = ends[0].max(rail_m + way(-ROLL_STOP_RAD));
+            } else if angles[0] > sent + BEHIND_RAD {
+                ends[1] = ends[1].min(rail_m + way(ROLL_STOP_RAD));
             }
         }
-        self.sounds_since = (self.notes != 0).then(|| self.sounds_since.unwrap_or(now));
-    }
-
-    /// The keyboard is gone.
-    pub fn midi_lost(&mut self) {
-        (self.midi, self.notes, self.sounds_since) = ((0, None), 0, None);
-    }
-
-    /// The joints of the hand really are at these angles.
-    pub fn fingers(&mut self, now: Duration, joints: &[f64; DRIVEN_JOINTS]) {
-        let (angles, _) = joints.as_chunks();
-        let lowest = |finger| fingertip(Side::Left, finger, &angles[finger], 0.0)[2] - TIP_RADIUS;
-        let low = (0..3).any(|finger| lowest(finger) < WHITE.top() - BETWEEN_FENCES_M);
-        self.low_since = low.then(|| self.low_since.unwrap_or(now));
+        self.ends.push_back((now, ends));
+        while self.ends.front().is_some_and(|(at, _)| *at + REACTION < now) {
+            self.ends.pop_front();
+        }
     }
 
     /// Bytes go to the arm.
@@ -309,17 +296,9 @@ impl Judge {
                 panic!("along the keyboard, {speed} m/s, then m/s² and m/s³: {all:?}")
             };
             self.arm_motions = kept.iter().map(|(_, acceleration, _)| [speed, *acceleration]).collect();
-            let old = Duration::from_secs_f64(OLD_ANGLES_SECS);
-            let down = [self.sounds_since, self.low_since.map(|since| since + old)];
-            if let Some(since) = down.into_iter().flatten().min() {
-                let braked_secs = now.as_secs_f64() - since.as_secs_f64() - REACTION_SECS;
-                let braking = limits.velocity - limits.acceleration * braked_secs.max(0.0);
-                // Besides: what one target may add before the hand brakes again.
-                let most = braking.max(self.key_down_m_s + limits.acceleration * period) + 0.03;
-                assert!(speed.abs() <= most, "{speed} m/s, {braked_secs} s after a finger went down");
-                if braking < self.key_down_m_s {
-                    self.worst_key_down_m_s = self.worst_key_down_m_s.max(speed.abs());
-                }
+            let flange = forward(&joints).position_m;
+            if (flange[0] - MIDDLE_M[0]).hypot(flange[2] - MIDDLE_M[2]) < ON_RAIL_M {
+                self.judge_dragging(MIDDLE_M[1] - flange[1], -speed, period);
             }
             self.worst_m_s3 = self.worst_m_s3.max(jerk.abs());
             self.worst_step_m = self.worst_step_m.max(flange_distance_m);
@@ -328,6 +307,23 @@ impl Judge {
             assert!(far(arm) <= FIRST_RAD, "the first target is {} rad away", far(arm));
         }
         self.target = Some((now, joints));
+    }
+
+    /// A target at this place on the rail, m, at this speed: a hand that goes on can still stop
+    /// before a finger that it drags gets to the stop of its roll joint, or it brakes.
+    fn judge_dragging(&mut self, rail_m: f64, speed: f64, period: f64) {
+        let limits = &self.limits[12];
+        for (end, sign) in [-1.0, 1.0].into_iter().enumerate() {
+            // The farthest of the last moments: what has changed since cannot be known yet.
+            let way = self.ends.iter().map(|(_, ends)| (ends[end] - rail_m) * sign).fold(0.0, f64::max);
+            let stopping = (2.0 * limits.acceleration * way).sqrt().min(limits.velocity);
+            let braking = self.allowed_m_s[end] - limits.acceleration * period;
+            self.allowed_m_s[end] = stopping.max(braking);
+            // Besides: what one target may add before the hand brakes again.
+            let most = self.allowed_m_s[end] + limits.acceleration * period + 0.03;
+            assert!(speed * sign <= most, "{speed} m/s, {way} m before a finger's stop");
+            self.dragged += u64::from(stopping < limits.velocity);
+        }
     }
 
     /// What the controller says that it did.

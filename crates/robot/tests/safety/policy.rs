@@ -1,5 +1,7 @@
 //! Policies that ask for anything.
 
+use std::f64::consts::PI;
+
 use etude_robot::joints::{DRIVEN, RAIL};
 
 use crate::dice::Dice;
@@ -15,6 +17,9 @@ pub enum Policy {
     Smooth,
     /// From one end of the keyboard to the other, as fast as the limits allow.
     Sweeps,
+    /// The same with rests at the ends, in which the middle finger presses what is below it; it lets
+    /// go half a second after the hand moves on.
+    Drags,
     /// Something else at every set-point.
     Jumps,
     /// Numbers that are none.
@@ -30,7 +35,14 @@ impl Policy {
             Self::Smooth if joint % 4 == 0 => from[joint],
             Self::Smooth => from[joint] + rise(0.1, 6.0 + joint as f64 * 0.1),
             Self::Sweeps if joint == RAIL => 0.3f64.copysign((3.0 * secs).sin()),
-            Self::Sweeps => from[joint],
+            Self::Drags if joint == RAIL => 0.3f64.copysign((PI * secs / 2.0).sin()),
+            // The proximal link presses, the rest of the finger stays upright.
+            Self::Drags if !(0.5..1.4).contains(&(secs % 2.0)) => match joint {
+                5 => from[5] + 0.6,
+                6 => from[6] - 0.6,
+                _ => from[joint],
+            },
+            Self::Sweeps | Self::Drags => from[joint],
             Self::Jumps if joint == RAIL => dice.signed(),
             Self::Jumps => dice.signed() * 3.0,
             Self::Nonsense => match dice.below(5) {

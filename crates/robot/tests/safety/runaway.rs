@@ -116,9 +116,9 @@ fn a_finger_that_a_person_bends_is_no_fault() {
     }
 }
 
-/// Fingers that are sent anywhere at once are pushed by keys and fences, and against each other.
+/// Fingers that are sent anywhere at once are pushed by keys, and against each other.
 #[test]
-fn keys_and_fences_are_no_fault_of_a_sign() {
+fn keys_are_no_fault_of_a_sign() {
     for name in ["ideal", "mild", "standard", "worn"] {
         for policy in [Policy::Smooth, Policy::Sweeps, Policy::Jumps] {
             let mut bench = Bench::at_the_keyboard(&TwinParams::load(name).unwrap());

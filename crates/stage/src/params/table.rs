@@ -98,10 +98,6 @@ rows! {
         /// Lateral place of the hand at the start.
         HandStart = row("hand.start", "m", 0.0, [-0.336, 0.336],
             "offset of the hand's starting place along the rail"),
-        /// Speed along the keyboard while a key is down.
-        KeyDownVelocity = row("rail.key_down_velocity", "m/s", 0.76, [0.05, 1.0],
-            "speed to which the rail's reference brakes while a key sounds, as the limiter of a rig does; the default is that of the \
-             rail, so it has no effect"),
     }
 }
 

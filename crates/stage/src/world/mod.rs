@@ -47,8 +47,6 @@ pub struct World {
     options: ModelOptions,
     params: PhysicalParams,
     gains: [ControllerConstants; DRIVEN_JOINTS],
-    /// Those of the rail while a key is down.
-    key_down_gains: ControllerConstants,
     /// Angle of each key from which on it sounds, rad.
     threshold: [f64; KEY_COUNT],
     /// Angle of each key below which it is silent again, rad; at most its threshold.
@@ -100,7 +98,6 @@ impl World {
             gains: std::array::from_fn(|joint| {
                 ControllerConstants::new(params, joint, config.actuation, options.step_secs)
             }),
-            key_down_gains: ControllerConstants::new(params, RAIL, config.actuation, options.step_secs),
             threshold: [0.0; KEY_COUNT],
             release: [0.0; KEY_COUNT],
             controllers: std::array::from_fn(|_| Controller::at_rest(0.0)),
@@ -129,7 +126,6 @@ impl World {
         for joint in 0..DRIVEN_JOINTS {
             self.gains[joint] = ControllerConstants::new(params, joint, self.config.actuation, step);
         }
-        self.key_down_gains = self.gains[RAIL].slower(value(WorldRow::KeyDownVelocity));
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         model.body_pos_mut()[self.layout.keyboard] = keyboard_place(params);

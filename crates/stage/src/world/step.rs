@@ -80,11 +80,7 @@ impl World {
             let dof = self.layout.joint_dof[joint];
             let [low, high] = joint_range(joint);
             let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
-            let gains = if joint == RAIL && self.pressed != KeySet::EMPTY {
-                &self.key_down_gains
-            } else {
-                &self.gains[joint]
-            };
+            let gains = &self.gains[joint];
             let target = target.clamp(gains.measured(low), gains.measured(high));
             let torque = law(&mut self.controllers[joint], gains, target, gains.measured(position), velocity);
             let power = (torque * velocity).abs();

@@ -43,7 +43,7 @@ fn the_papers_draws_are_those_of_recorded_runs() {
         let mut sum = 0xcbf2_9ce4_8422_2325_u64;
         for params in draws(intensity) {
             // These were added later, and are not drawn.
-            let later = ["key.hysteresis", "key.preload", "rail.key_down_velocity"];
+            let later = ["key.hysteresis", "key.preload"];
             for (path, ..) in PhysicalParams::rows().filter(|row| !later.contains(&row.0.as_str())) {
                 for byte in params.get(&path).unwrap().to_bits().to_le_bytes() {
                     sum = (sum ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
