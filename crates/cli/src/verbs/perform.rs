@@ -11,7 +11,7 @@ use etude_lab::{
 use etude_music::KeyScheduleRule;
 use etude_music::sound::SoundFont;
 use etude_perform::session::{RigChoice, rig_choice};
-use etude_perform::{Job, Mode, NoteCounts, VerbEnd as Played, shell_line};
+use etude_perform::{Ending as Played, Job, Mode, NoteCounts, shell_line};
 use etude_twin::OrderedFault;
 
 use super::play::note_summary;

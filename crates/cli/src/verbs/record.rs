@@ -68,11 +68,11 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     }
     let recorded = record_robot(&rig, motion, home, args.seed, &args.out, &stop)?;
     let ending = match recorded.ending {
-        etude_perform::VerbEnd::Complete => Ok(VerbEnd::Done),
+        etude_perform::Ending::Complete => Ok(VerbEnd::Done),
         // Without --secs, Ctrl-C is the normal end of a recording.
-        etude_perform::VerbEnd::Interrupted if matches!(motion, RobotMotion::Rest(None)) => Ok(VerbEnd::Done),
-        etude_perform::VerbEnd::Interrupted => Ok(VerbEnd::Stopped),
-        etude_perform::VerbEnd::Fault(fault) => Err(anyhow::anyhow!(
+        etude_perform::Ending::Interrupted if matches!(motion, RobotMotion::Rest(None)) => Ok(VerbEnd::Done),
+        etude_perform::Ending::Interrupted => Ok(VerbEnd::Stopped),
+        etude_perform::Ending::Fault(fault) => Err(anyhow::anyhow!(
             "safety stop: {fault}; remove the cause, then record again, under another name"
         )),
     };
