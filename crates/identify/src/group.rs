@@ -156,8 +156,8 @@ pub fn fingers() -> Vec<Group> {
 }
 
 /// The keyboard, fitted to which keys sound and when. The pressing joints' readings are left out:
-/// how a finger yields under a key depends on backlash and static friction, which the simulated
-/// joints lack, and would bias the keyboard's parameters.
+/// how a finger yields under a key depends on backlash, which the simulated joints lack, and would
+/// bias the keyboard's parameters.
 pub fn keyboard() -> Group {
     Group { name: "keyboard".to_string(), joints: Vec::new(), keys: true, uses_prior: true }
 }

@@ -25,13 +25,13 @@ enum Bounds {
     /// As `Factor` with the first value, about the second if that is lower, where a change still
     /// shows.
     FactorBelow(f64, f64),
-    /// From zero to the first value, starting at the second.
-    UpTo(f64, f64),
+    /// Between these two, starting at the third where the value is the least.
+    Between(f64, f64, f64),
     /// The value plus and minus this.
     Around(f64),
 }
 
-use Bounds::{Around, Factor, FactorBelow, UpTo};
+use Bounds::{Around, Between, Factor, FactorBelow};
 
 /// Parameters of a finger joint. Dry friction: up to a tenth of the joint's torque.
 const FINGER: &[(JointRow, Bounds)] = &[
@@ -39,12 +39,18 @@ const FINGER: &[(JointRow, Bounds)] = &[
     // torque say 0.7 to 1 N·m.
     (JointRow::Stiffness, Factor(1.5)),
     // A motor of 1 N·m that turns at 4 rad/s without load has 0.25.
-    (JointRow::Viscosity, UpTo(0.4, VISCOSITY)),
-    (JointRow::Friction, UpTo(0.08, 0.005)),
+    (JointRow::Viscosity, Between(0.0, 0.4, VISCOSITY)),
+    (JointRow::Friction, Between(0.0, 0.08, 0.005)),
+    // Lubricated metal has up to twice the friction at rest (our estimate).
+    (JointRow::FrictionAtRest, Between(1.0, 2.5, 1.4)),
+    // Up to 36 of 1200 of a motor of 1 N·m (our estimate).
+    (JointRow::DeadBand, Between(0.0, 0.03, 0.005)),
+    // A straight finger weighs 0.07 N·m at its root (`etude_robot::allegro::holding_torques`).
+    (JointRow::Load, Around(0.05)),
     (JointRow::Armature, Factor(8.0)),
     // Étude's own shaping has it. With wide bounds a fit takes it for what slows the joint down.
     (JointRow::LowPass, Factor(2.5)),
-    (JointRow::Delay, UpTo(0.05, 0.0025)),
+    (JointRow::Delay, Between(0.0, 0.05, 0.0025)),
     // The default is the acceleration limit within one physics step. A fit that began there would
     // not see a slower drive.
     (JointRow::JerkLimit, FactorBelow(8.0, 50_000.0)),
@@ -59,9 +65,9 @@ const VISCOSITY: f64 = 0.1;
 const RAIL_ROWS: &[(JointRow, Bounds)] = &[
     (JointRow::Stiffness, Factor(10.0)),
     (JointRow::Damping, Factor(8.0)),
-    (JointRow::Friction, UpTo(30.0, 1.0)),
+    (JointRow::Friction, Between(0.0, 30.0, 1.0)),
     (JointRow::LowPass, Factor(8.0)),
-    (JointRow::Delay, UpTo(0.06, 0.0025)),
+    (JointRow::Delay, Between(0.0, 0.06, 0.0025)),
     (JointRow::JerkLimit, Factor(8.0)),
 ];
 
@@ -93,8 +99,8 @@ fn parameter(path: String, range: [f64; 2], before: f64, bounds: &Bounds) -> Par
     match *bounds {
         Factor(factor) => factored(factor, before),
         FactorBelow(factor, max) => factored(factor, before.min(max)),
-        UpTo(max, start) => {
-            Parameter::new(&path, 0.0, max, if before > 0.0 { before.min(max) } else { start })
+        Between(least, most, start) => {
+            Parameter::new(&path, least, most, if before > least { before.min(most) } else { start })
         }
         Around(width) => Parameter::new(&path, within(before - width), within(before + width), before),
     }

@@ -75,9 +75,8 @@ pub struct ModelOptions {
     pub integrator: Integrator,
     /// The friction cone.
     pub cone: Cone,
-    /// Whether dry friction holds a joint still and joint limits are stiff. By default MuJoCo's
-    /// joints creep under dry friction and yield at their limits.
-    pub firm_joints: bool,
+    /// Whether the joints' stops are stiff. By default MuJoCo's joints yield at their limits.
+    pub firm_stops: bool,
     /// Rotation of the keyboard about its middle, counter-clockwise seen from above, rad.
     pub keyboard_yaw_rad: f64,
     /// Whether the hand has a weight. The keys' springs are at rest where gravity leaves them.
@@ -99,7 +98,7 @@ impl Default for ModelOptions {
             step_secs: StageConfig::default().physics_step_secs(),
             integrator: Integrator::Euler,
             cone: Cone::Elliptic,
-            firm_joints: false,
+            firm_stops: false,
             keyboard_yaw_rad: 0.0,
             gravity: false,
             hand_tilt_rad: [0.0; 2],

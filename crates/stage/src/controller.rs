@@ -1,11 +1,13 @@
-//! The controller of one joint: low-pass, bounded-jerk reference, delay, PD, torque clamp.
+//! The controller of one joint: low-pass, bounded-jerk reference, delay, PD, torque clamp, dead
+//! band.
 //!
 //! The paper drives every simulated joint by "a PD controller with maximum jerk, a low pass filter
 //! and damping", tuned for each joint. Ours runs at each physics step, outside MuJoCo's model,
 //! which has plain torque actuators.
 //!
 //! ```text
-//! target ─► low-pass ─► reference (velocity, acceleration, jerk bounded) ─► delay ─► PD ─► clamp ─► torque
+//! target ─► low-pass ─► reference (velocity, acceleration, jerk bounded) ─► delay
+//!        ─► PD ─► clamp ─► dead band ─► torque
 //! ```
 //!
 //! The delay is last because the reference is smooth, unlike the targets: it can be interpolated
@@ -38,6 +40,7 @@ pub struct ControllerConstants {
     stiffness: f64,
     damping: f64,
     torque_limit: f64,
+    dead_band: f64,
     smoothing: f64,
     velocity_limit: f64,
     acceleration_limit: f64,
@@ -67,6 +70,7 @@ impl ControllerConstants {
             stiffness: value(JointRow::Stiffness),
             damping: value(JointRow::Damping),
             torque_limit: value(JointRow::TorqueLimit),
+            dead_band: value(JointRow::DeadBand),
             smoothing: 1.0 - (-step_secs / value(JointRow::LowPass).max(1e-9)).exp(),
             velocity_limit: value(JointRow::VelocityLimit),
             acceleration_limit,
@@ -79,15 +83,19 @@ impl ControllerConstants {
         }
     }
 
-    /// The PD law: torque toward the position `wanted`.
+    /// The PD law: torque toward the position `wanted`, beyond the dead band.
     fn torque(&self, wanted: f64, measured: f64, velocity: f64) -> f64 {
-        match self.actuation {
+        let torque = match self.actuation {
             Actuation::Position => self.stiffness * (wanted - measured),
             Actuation::Controlled => {
                 let torque = self.stiffness * (wanted - measured) - self.damping * velocity;
                 torque.clamp(-self.torque_limit, self.torque_limit)
             }
+        };
+        if self.dead_band == 0.0 {
+            return torque;
         }
+        torque - torque.clamp(-self.dead_band, self.dead_band)
     }
 
     /// Encoder reading of a joint at the true `position`.
@@ -273,6 +281,28 @@ mod tests {
         let torques: Vec<f64> = (0..4).map(|_| controller.track(&gains, 0.1, 0.02, 0.5)).collect();
         let law = |wanted: f64| 3.0 * (wanted - 0.02) - 0.1 * 0.5;
         assert_eq!(torques, [law(0.0), law(0.0), law(0.1), law(0.1)]);
+    }
+
+    #[test]
+    fn a_motor_moves_nothing_within_its_dead_band() {
+        for actuation in [Actuation::Controlled, Actuation::Position] {
+            let torque = |dead_band: f64, wanted: f64| {
+                let mut params = PhysicalParams::default();
+                params.set("joint.index_1.dead_band", dead_band).unwrap();
+                let gains = ControllerConstants::new(&params, 1, actuation, STEP);
+                Controller::at_rest(0.0).track(&gains, wanted, 0.0, 0.0)
+            };
+            for wanted in [-0.1, -0.003, 0.0, 0.003, 0.1] {
+                let (with, without) = (torque(0.012, wanted), torque(0.0, wanted));
+                let expected = (without.abs() - 0.012).max(0.0) * without.signum();
+                assert!((with - expected).abs() < 1e-15, "{actuation:?} {wanted}: {with}, {expected}");
+            }
+        }
+        // What the clamp leaves of a torque loses the dead band.
+        let mut params = PhysicalParams::default();
+        params.set("joint.index_1.dead_band", 0.0125).unwrap();
+        let gains = ControllerConstants::new(&params, 1, Actuation::Controlled, STEP);
+        assert_eq!(Controller::at_rest(0.0).track(&gains, 1.0, 0.0, 0.0), 0.55);
     }
 
     #[test]

@@ -6,14 +6,9 @@
 
 use etude_robot::allegro::{self, FULL_SCALE_PWM};
 use etude_robot::joints::HAND_DRIVEN_JOINTS;
-use etude_stage::params::JointRow;
-use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL};
+use etude_stage::DRIVEN_JOINTS;
 
 use crate::numbers::{FINGER, HandParams, STEP};
-
-/// Speed at which a joint has mostly broken loose from the friction that held it, rad/s: our
-/// choice, slower than any key is struck.
-const BROKEN_LOOSE_RAD_PER_SEC: f64 = 0.05;
 
 /// The drives of the fingers.
 pub(crate) struct Drives {
@@ -22,18 +17,14 @@ pub(crate) struct Drives {
     /// Torque that the motor's own voltage takes away, as a share of the full torque for each
     /// rad/s.
     lost_per_speed: f64,
-    friction: [f64; DRIVEN_JOINTS],
-    friction_at_rest: f64,
 }
 
 impl Drives {
-    pub(crate) fn new(hand: &HandParams, params: &PhysicalParams) -> Self {
+    pub(crate) fn new(hand: &HandParams) -> Self {
         Self {
             full_torque_nm: hand.full_torque_nm,
             dead_pwm: hand.dead_pwm.into(),
             lost_per_speed: hand.no_load_rad_per_sec.map_or(0.0, f64::recip),
-            friction: std::array::from_fn(|joint| params.joint(JointRow::Friction, joint)),
-            friction_at_rest: hand.friction_at_rest,
         }
     }
 
@@ -44,18 +35,6 @@ impl Drives {
         let beyond = (pwm.abs() - self.dead_pwm).max(0.0).copysign(pwm);
         let share = beyond / f64::from(FULL_SCALE_PWM) - self.lost_per_speed * speed;
         share * self.full_torque_nm[joint % FINGER]
-    }
-
-    /// Dry friction of the joints at these speeds (rad/s), N·m, the rail's in N: greatest at rest
-    /// (Stribeck's curve).
-    pub(crate) fn friction(&self, velocities: &[f64; DRIVEN_JOINTS]) -> [f64; DRIVEN_JOINTS] {
-        std::array::from_fn(|joint| {
-            let hold = match joint {
-                RAIL => 0.0,
-                _ => (-(velocities[joint] / BROKEN_LOOSE_RAD_PER_SEC).powi(2)).exp(),
-            };
-            self.friction[joint] * (1.0 + (self.friction_at_rest - 1.0) * hold)
-        })
     }
 }
 
@@ -94,18 +73,13 @@ impl Encoders {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use etude_stage::RAIL;
     use proptest::prelude::*;
-
-    fn drives(hand: &HandParams) -> Drives {
-        let mut params = PhysicalParams::default();
-        params.set("joint.all.friction", 0.02).unwrap();
-        Drives::new(hand, &params)
-    }
 
     #[test]
     fn each_joint_of_a_finger_has_its_own_torque_beyond_the_dead_band() {
         let full_torque_nm = [1.0, 2.0, 3.0, 4.0];
-        let drives = drives(&HandParams { full_torque_nm, dead_pwm: 20, ..HandParams::default() });
+        let drives = Drives::new(&HandParams { full_torque_nm, dead_pwm: 20, ..HandParams::default() });
         let torque = |joint: usize, pwm: i16| drives.torque(joint, &[pwm; allegro::WIRE_JOINTS], 0.0);
         for pwm in [-20, -7, 0, 1, 20] {
             assert_eq!(torque(5, pwm), 0.0);
@@ -120,20 +94,10 @@ mod tests {
 
     #[test]
     fn a_motor_loses_torque_with_speed_and_has_none_at_its_no_load_speed() {
-        let drives = drives(&HandParams { no_load_rad_per_sec: Some(8.0), ..HandParams::default() });
+        let drives = Drives::new(&HandParams { no_load_rad_per_sec: Some(8.0), ..HandParams::default() });
         let torque = |pwm: i16, speed: f64| drives.torque(5, &[pwm; allegro::WIRE_JOINTS], speed);
         assert!((torque(1200, 0.0) - 1.0).abs() < 1e-12 && torque(1200, 8.0).abs() < 1e-12);
         assert!((torque(600, 2.0) - 0.25).abs() < 1e-12 && (torque(0, -4.0) - 0.5).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_joint_at_rest_holds_faster() {
-        let drives = drives(&HandParams { friction_at_rest: 1.5, ..HandParams::default() });
-        let at_rest = drives.friction(&[0.0; DRIVEN_JOINTS]);
-        assert!((at_rest[3] - 0.03).abs() < 1e-12);
-        assert_eq!(at_rest[RAIL], 0.02);
-        let moving = drives.friction(&[0.5; DRIVEN_JOINTS]);
-        assert!((moving[3] - 0.02).abs() < 1e-12);
     }
 
     #[test]

@@ -84,9 +84,6 @@ settings! {
         /// Speed at full duty of a joint that nothing holds, rad/s: the motor's own voltage takes
         /// the torque away as it turns. Without it the torque does not depend on the speed.
         pub(crate) no_load_rad_per_sec: Option<f64> = None, 2.0..=100.0;
-        /// Dry friction of a finger's joint at rest, as a multiple of that on its way
-        /// (`joint.*.friction`).
-        pub(crate) friction_at_rest: f64 = 1.0, 1.0..=5.0;
         /// Play between a joint's encoder and its link, rad: so far the link turns back before the
         /// encoder follows.
         pub(crate) encoder_backlash_rad: f64 = 0.0, 0.0..=0.1;
@@ -181,7 +178,7 @@ impl Numbers {
             step_secs: STEP.as_secs_f64(),
             integrator: self.world.integrator,
             cone: self.world.cone,
-            firm_joints: true,
+            firm_stops: true,
             keyboard_yaw_rad: self.world.keyboard_yaw_rad,
             gravity: self.world.gravity,
             hand_tilt_rad: self.arm.tilt_rad,

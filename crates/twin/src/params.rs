@@ -199,7 +199,7 @@ mod tests {
             }
             let more_than_nothing = [
                 numbers.world.keyboard_yaw_rad.abs(),
-                hand.friction_at_rest - 1.0,
+                numbers.params().unwrap().get("joint.index_1.friction_at_rest").unwrap() - 1.0,
                 hand.encoder_backlash_rad,
                 hand.filter_secs,
                 f64::from(hand.dead_pwm),
@@ -244,7 +244,7 @@ mod tests {
         assert!(refused("[physics]\n\"key.preload\" = 5").contains("key.preload"));
         assert!(refused("[world]\nkeyboard_yaw_rad = 0.1").contains("keyboard_yaw_rad"));
         assert!(refused("[hand]\nfull_torque_nm = [1, 1, -1, 1]").contains("full_torque_nm"));
-        assert!(refused("[hand]\nfriction_at_rest = 0.5").contains("friction_at_rest"));
+        assert!(refused("[physics]\n\"joint.fingers.friction_at_rest\" = 0.5").contains("friction_at_rest"));
         assert!(refused("[[faults]]\nkind = \"fire\"\nat_secs = 1").contains("can-bus-off, can-silent"));
         assert!(refused("[[faults]]\nkind = \"estop\"\nat_secs = -1").contains("estop@-1"));
         assert!(

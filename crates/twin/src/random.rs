@@ -42,7 +42,7 @@ pub(crate) const RANGES: &[Range] = &[
     range("hand.no_load_rad_per_sec", [7.0, 13.0]),
     Range { count: FINGER, ..range("hand.full_torque_nm", [0.7, 1.0]) },
     range("hand.dead_pwm", [4.0, 15.0]),
-    range("hand.friction_at_rest", [1.3, 1.6]),
+    range(FRICTION_AT_REST, [1.3, 1.6]),
     range("hand.motor_backlash_rad", [0.003, 0.012]),
     range("hand.encoder_backlash_rad", [0.001, 0.004]),
     range("hand.filter_secs", [0.001, 0.002]),
@@ -84,6 +84,8 @@ pub(crate) const RANGES: &[Range] = &[
     DEAD_BAND,
 ];
 
+/// Dry friction at rest as a multiple of that on the way.
+const FRICTION_AT_REST: &str = "joint.fingers.friction_at_rest";
 /// Duty below which a joint at rest does not move, in counts of PWM: what its dry friction follows
 /// from.
 const DEAD_BAND: Range = range("joint.J.dead_band", [20.0, 60.0]);
@@ -156,7 +158,7 @@ impl Numbers {
     fn friction_of(&self, joint: usize, dead_band: f64) -> f64 {
         let hand = &self.hand;
         let share = (dead_band - f64::from(hand.dead_pwm)) / f64::from(FULL_SCALE_PWM);
-        share * hand.full_torque_nm[joint % FINGER] / hand.friction_at_rest
+        share * hand.full_torque_nm[joint % FINGER] / self.physics[FRICTION_AT_REST]
     }
 }
 
@@ -165,7 +167,9 @@ impl Numbers {
     /// Duty below which a finger joint at rest does not move, in counts of PWM.
     pub(crate) fn dead_band(&self, params: &etude_stage::PhysicalParams, joint: usize) -> f64 {
         let hand = &self.hand;
-        let held = params.joint(etude_stage::params::JointRow::Friction, joint) * hand.friction_at_rest;
+        use etude_stage::params::JointRow;
+        let row = |row| params.joint(row, joint);
+        let held = row(JointRow::Friction) * row(JointRow::FrictionAtRest);
         f64::from(hand.dead_pwm) + held / hand.full_torque_nm[joint % FINGER] * f64::from(FULL_SCALE_PWM)
     }
 }

@@ -108,7 +108,7 @@ impl Twin {
         )?;
         let mut twin = Self {
             world: World::with_options(&stage, &params, &numbers.options())?,
-            drives: Drives::new(&numbers.hand, &params),
+            drives: Drives::new(&numbers.hand),
             backlash: Backlash::new(&numbers.hand, &params),
             mount: Mount::new(&numbers.arm, numbers.seed),
             encoders: Encoders::new(&numbers.hand),
@@ -174,7 +174,6 @@ impl Twin {
 
     /// Moves the world on.
     fn drive(&mut self, torques: &[f64; DRIVEN_JOINTS]) {
-        self.world.set_joint_friction(&self.drives.friction(&self.world.joint_velocities()));
         let [toward, along, up] = self.mount.offset(self.world.joints()[RAIL]).unwrap_or_default();
         self.world.set_hand_offset([toward, along, up + self.lift]);
         self.world.drive(torques);

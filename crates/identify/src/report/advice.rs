@@ -70,6 +70,18 @@ const ADVICE: &[Advice] = &[
         motion: "faster sweeps, towards the highest frequency that the joint follows",
     },
     Advice {
+        rows: &["friction_at_rest", "dead_band"],
+        least: 1,
+        why: "only where a joint comes to rest and breaks loose do they show, and there they are one torque",
+        motion: "slow swings with many turning points, and small steps of the target of a joint that stands",
+    },
+    Advice {
+        rows: &["load"],
+        least: 1,
+        why: "friction held the joint wherever it stood",
+        motion: "slow swings: the load is what the drive needs on the way up and not on the way down",
+    },
+    Advice {
         rows: &["friction"],
         least: 1,
         why: "dry friction shows where a joint changes direction or moves slowly",

@@ -25,16 +25,15 @@ const CAUSES: [Cause; 6] = [
     Cause {
         name: "offset",
         phrase: "is a constant offset",
-        meaning: "the simulated joint is at a constant distance from the measured one: an encoder's zero, or a constant load, \
-                  such as the part of gravity that the hand does not compensate. Motions that touch keys identify \
-                  encoder_bias.",
+        meaning: "the simulated joint is at a constant distance from the measured one: an encoder's zero, or a load that \
+                  the fitted motions do not show. Row: load. Motions that touch keys identify encoder_bias.",
     },
     Cause {
         name: "direction",
         phrase: "depends on the direction of motion (backlash, dry friction)",
         meaning: "the robot stops short of the simulator from both sides (beyond it, where the size is negative): backlash \
-                  between drive and joint, of which the size is half, or another kind of dry friction. The simulator's dry \
-                  friction is the same at rest and in motion, and it has no backlash.",
+                  between drive and joint, of which the size is half and which the simulator does not have, or another kind \
+                  of dry friction.",
     },
     Cause {
         name: "velocity",
@@ -51,8 +50,8 @@ const CAUSES: [Cause; 6] = [
     Cause {
         name: "rest",
         phrase: "depends on none of direction, velocity and acceleration",
-        meaning: "sticking at rest, friction that changes with position or load, backlash under a load, which no row of \
-                  the simulator expresses; or how the joint responds to a single target (rows, in part: jerk_limit, \
+        meaning: "friction that changes with position or load, backlash under a load, which no row of the simulator \
+                  expresses; or how the joint responds to a single target (rows, in part: jerk_limit, \
                   low_pass, delay).",
     },
     Cause {

@@ -137,6 +137,9 @@ pub fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
         params.set_joint(JointRow::Friction, joint, friction);
         if joint != RAIL {
             params.set_joint(JointRow::Viscosity, joint, random.random_range(0.02..0.1));
+            params.set_joint(JointRow::FrictionAtRest, joint, random.random_range(1.3..1.8));
+            params.set_joint(JointRow::DeadBand, joint, random.random_range(0.003..0.012));
+            params.set_joint(JointRow::Load, joint, random.random_range(-0.02..0.02));
         }
         params.set_joint(JointRow::Delay, joint, random.random_range(0.002..0.018));
     }

@@ -145,6 +145,17 @@ rows! {
         /// Encoder bias.
         EncoderBias = joint("encoder_bias", "rad", 0.0, 0.0, [-0.2, 0.2],
             "encoder reading at the joint's true zero"),
+        /// Dry friction at rest.
+        FrictionAtRest = joint("friction_at_rest", "of the friction", 1.0, 1.0, [1.0, 5.0],
+            "dry friction at rest as a multiple of `friction`, which a joint beyond 0.05 rad/s (rail: m/s) has; 1, none more, until \
+             identified"),
+        /// Dead band of the motor.
+        DeadBand = joint("dead_band", "N·m", 0.0, 0.0, [0.0, 50.0],
+            "torque of the controller that moves nothing, and that is missing from a larger one; zero until identified"),
+        /// Steady load.
+        Load = joint("load", "N·m", 0.0, 0.0, [-0.2, 0.2],
+            "torque that acts on the joint all the time, such as the part of a finger's weight that its drive does not hold; zero \
+             until identified"),
     }
 }
 

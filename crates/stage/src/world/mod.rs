@@ -47,6 +47,8 @@ pub struct World {
     options: ModelOptions,
     params: PhysicalParams,
     gains: [ControllerConstants; DRIVEN_JOINTS],
+    /// Whether a joint's dry friction is greater at rest.
+    sticks: bool,
     /// Angle of each key from which on it sounds, rad.
     threshold: [f64; KEY_COUNT],
     /// Angle of each key below which it is silent again, rad; at most its threshold.
@@ -98,6 +100,7 @@ impl World {
             gains: std::array::from_fn(|joint| {
                 ControllerConstants::new(params, joint, config.actuation, options.step_secs)
             }),
+            sticks: false,
             threshold: [0.0; KEY_COUNT],
             release: [0.0; KEY_COUNT],
             controllers: std::array::from_fn(|_| Controller::at_rest(0.0)),
@@ -126,6 +129,10 @@ impl World {
         for joint in 0..DRIVEN_JOINTS {
             self.gains[joint] = ControllerConstants::new(params, joint, self.config.actuation, step);
         }
+        let of_joint = |row, joint| params.joint(row, joint);
+        self.sticks = (0..DRIVEN_JOINTS).any(|joint| {
+            of_joint(JointRow::Friction, joint) > 0.0 && of_joint(JointRow::FrictionAtRest, joint) > 1.0
+        });
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         model.body_pos_mut()[self.layout.keyboard] = keyboard_place(params);
@@ -166,12 +173,17 @@ impl World {
         for (joint, position) in pose.iter().enumerate() {
             let [low, high] = joint_range(joint);
             let position = position.clamp(low, high);
-            self.data.qpos_mut()[self.layout.joint_dof[joint]] = position;
+            let dof = self.layout.joint_dof[joint];
+            self.data.qpos_mut()[dof] = position;
+            self.data.qfrc_applied_mut()[dof] = self.params.joint(JointRow::Load, joint);
             self.controllers[joint].rest(self.gains[joint].measured(position));
         }
         self.pressed = KeySet::EMPTY;
         self.physics_steps = 0;
         self.derived_at = [0.0; KEY_COUNT];
+        if self.sticks {
+            self.set_friction();
+        }
         self.data.forward();
         self.forget_last_step();
     }

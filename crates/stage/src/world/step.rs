@@ -11,7 +11,12 @@ use crate::config::PHYSICS_STEPS;
 use crate::controller::{Controller, ControllerConstants};
 use crate::hand::{DRIVEN_JOINTS, RAIL, joint_range};
 use crate::mjcf::PALM_PLACE;
+use crate::params::JointRow;
 use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, Strike, midi, unrounded_velocity};
+
+/// Speed at which a joint has mostly broken loose from the friction that held it, rad/s, the rail
+/// m/s: our choice, slower than any key is struck.
+const BROKEN_LOOSE: f64 = 0.05;
 
 /// What happened during one control step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -105,13 +110,16 @@ impl World {
         self.advance();
     }
 
-    /// Changes the dry friction of the joints, N·m, the rail's in N, for example to model static
-    /// friction. A negative value or NaN counts as zero.
-    pub fn set_joint_friction(&mut self, friction: &[f64; DRIVEN_JOINTS]) {
-        // SAFETY: only values change; no size, address or id table is touched.
-        let model = unsafe { self.data.model_mut() };
-        for (dof, friction) in self.layout.joint_dof.iter().zip(friction) {
-            model.dof_frictionloss_mut()[*dof] = friction.max(0.0);
+    /// Sets the dry friction of the joints by their speeds: greatest at rest (Stribeck's curve).
+    pub(super) fn set_friction(&mut self) {
+        for joint in 0..DRIVEN_JOINTS {
+            let dof = self.layout.joint_dof[joint];
+            let friction = self.params.joint(JointRow::Friction, joint);
+            let more = self.params.joint(JointRow::FrictionAtRest, joint) - 1.0;
+            let hold = (-(self.data.qvel()[dof] / BROKEN_LOOSE).powi(2)).exp();
+            // SAFETY: only a value changes; no size, address or id table is touched.
+            let model = unsafe { self.data.model_mut() };
+            model.dof_frictionloss_mut()[dof] = friction * (1.0 + more * hold);
         }
     }
 
@@ -136,6 +144,9 @@ impl World {
     /// One physics step under `self.torques`.
     fn advance(&mut self) {
         self.data.ctrl_mut().copy_from_slice(&self.torques);
+        if self.sticks {
+            self.set_friction();
+        }
         for key in 0..KEY_COUNT {
             if self.data.tree_asleep()[self.layout.key_tree[key]] < 0 {
                 self.derived_at[key] = self.data.qpos()[self.layout.key_dof[key]];

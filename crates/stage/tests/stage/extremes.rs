@@ -13,8 +13,8 @@
 //!   It may carry the lightest key across a tenth of its travel in a step: with the default inertia
 //!   that is 3.5 N, and 0.08 N with the least.
 //! - A drive must not be too strong for the inertia that is surely there: its armature, and the
-//!   whole hand on the rail. By itself it may at most cross its joint's range at a rate of 0.4
-//!   ranges in a step, which for a finger's flexion is three quarters of a radian. What grows with
+//!   whole hand on the rail. By itself and the joint's load it may at most cross its range at a
+//!   rate of 0.4 ranges in a step, which for a finger's flexion is three quarters of a radian. What grows with
 //!   the square of speed, and links that a neighbour flings about, are integrated explicitly and
 //!   feed themselves when they turn by more than a radian in a step. Damping does not count: MuJoCo
 //!   leaves it out when it looks for the forces of contacts and stops.
@@ -33,6 +33,9 @@ use crate::replica::STEP_SECS;
 const KEY_SHARE: f64 = 0.5;
 /// How far a key's preload may carry it in a step, as a share of its travel.
 const CARRIED: f64 = 0.1;
+/// How great a joint's load may be, as a share of the torques on it: half leaves as much to its
+/// drive.
+const LOAD_SHARE: f64 = 0.5;
 /// Fastest that a drive may by itself cross its joint's range, ranges per second.
 const FASTEST: f64 = 0.4 / STEP_SECS;
 
@@ -64,6 +67,8 @@ fn keep_to_the_rules(params: &mut PhysicalParams, actuation: Actuation) {
     let strongest = CARRIED * BLACK.max_angle() / STEP_SECS.powi(2) * lightest_key(params) / BLACK.size[0];
     params.set_world(WorldRow::KeyPreload, params.world(WorldRow::KeyPreload).min(strongest));
     for joint in 0..DRIVEN_JOINTS {
+        let load = LOAD_SHARE * largest_torque(params, joint);
+        params.set_joint(JointRow::Load, joint, params.joint(JointRow::Load, joint).clamp(-load, load));
         let (quantity, most) = strongest_drive(params, joint, actuation);
         params.set_joint(quantity, joint, params.joint(quantity, joint).min(most));
     }
@@ -82,16 +87,23 @@ fn stiffest_stable_key(params: &PhysicalParams) -> f64 {
     2.0 * (2.0 * inertia + STEP_SECS * params.world(WorldRow::KeyDamping)) / (STEP_SECS * STEP_SECS)
 }
 
-/// The number that says how strong a joint's drive is, and how great it may be. All the way from
-/// one end of the range to the other, a constant torque reaches v² = 2·range·torque/inertia, and a
-/// spring v² = range²·stiffness/inertia.
-fn strongest_drive(params: &PhysicalParams, joint: usize, actuation: Actuation) -> (JointRow, f64) {
+/// How great the torques on a joint may be together. All the way from one end of the range to the
+/// other, a constant torque reaches v² = 2·range·torque/inertia.
+fn largest_torque(params: &PhysicalParams, joint: usize) -> f64 {
     let [low, high] = joint_range(joint);
     let hand = PALM_MASS + THUMB_MASS + FINGERS as f64 * LINK_MASSES.iter().sum::<f64>();
     let inertia = params.joint(JointRow::Armature, joint) + if joint == RAIL { hand } else { 0.0 };
+    inertia * FASTEST.powi(2) * (high - low) / 2.0
+}
+
+/// The number that says how strong a joint's drive is, and how great it may be beside its load. A
+/// spring reaches v² = range²·stiffness/inertia.
+fn strongest_drive(params: &PhysicalParams, joint: usize, actuation: Actuation) -> (JointRow, f64) {
+    let [low, high] = joint_range(joint);
+    let torque = largest_torque(params, joint) - params.joint(JointRow::Load, joint).abs();
     match actuation {
-        Actuation::Controlled => (JointRow::TorqueLimit, inertia * FASTEST.powi(2) * (high - low) / 2.0),
-        Actuation::Position => (JointRow::Stiffness, inertia * FASTEST.powi(2)),
+        Actuation::Controlled => (JointRow::TorqueLimit, torque),
+        Actuation::Position => (JointRow::Stiffness, 2.0 * torque / (high - low)),
     }
 }
 

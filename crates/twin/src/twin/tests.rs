@@ -113,7 +113,7 @@ fn turned_under(twin_params: &str, pwm: i16) -> f64 {
 fn a_joint_sticks_until_it_breaks_loose() {
     // 24 of 1200 are 0.02 N·m: more than moves it on its way, less than breaks it loose.
     let sliding = "[physics]\n\"joint.fingers.friction\" = 0.015";
-    let sticking = format!("{sliding}\n[hand]\nfriction_at_rest = 1.5");
+    let sticking = format!("{sliding}\n\"joint.fingers.friction_at_rest\" = 1.5");
     let dead = "[hand]\ndead_pwm = 24";
     assert!(turned_under("", 24) > 0.1);
     assert!(turned_under(sliding, 24) > 0.05);
