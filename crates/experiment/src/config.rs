@@ -301,10 +301,7 @@ impl Experiment {
             return Err("key `songs`: name at least one song".to_string());
         }
         if self.perform.is_some() && (self.rehearse.is_some() || self.identify.is_some()) {
-            return Err(
-                "[perform] goes with trainings and [play], not with [identify]; iteration 0 of [rehearse] is a performance"
-                    .to_string()
-            );
+            return Err("[perform] goes with neither [rehearse] nor [identify]".to_string());
         }
         if let Some((path, _)) = self.grid.iter().find(|(_, values)| values.is_empty()) {
             return Err(format!("key `grid.{path}`: name at least one value"));

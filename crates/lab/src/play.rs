@@ -101,7 +101,8 @@ fn play_into(
     let header = header(&piece, pianist, "simulation", None);
     let mut writer = RecordingWriter::create(&files.recording, &header)?;
     let mut ready = pianist.ready(task, &piece, planner.on_progress())?;
-    let mut rig = SimRig::new(task, &piece, pianist.config.trainer.seed)?;
+    // The scores in a drawn world would depend on the draw; `etude evaluate` plays in many.
+    let mut rig = SimRig::nominal(task, &piece)?;
     let interrupt = job.interrupt();
     let mut player = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
         job.report(&(step as f64 / piece.steps() as f64));
