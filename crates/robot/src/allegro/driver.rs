@@ -139,7 +139,7 @@ impl Hand {
                 self.ask(now, out);
                 if self.driven.is_some_and(|at| now.saturating_sub(at) > TORQUE_TIMEOUT) {
                     self.driven = None;
-                    self.say_torque(&[0; WIRE_JOINTS], out);
+                    self.say_pwm(&[0; WIRE_JOINTS], out);
                 }
             }
             HandState::Fault(_) if !std::mem::replace(&mut self.released, true) => {
@@ -172,7 +172,7 @@ impl Hand {
             *pwm = clamp_pwm(wanted, configured.min(limit));
         }
         self.driven = sent.iter().any(|&pwm| pwm != 0).then_some(now);
-        self.say_torque(&sent, out);
+        self.say_pwm(&sent, out);
         sent
     }
 
@@ -349,17 +349,17 @@ impl Hand {
 
     /// Zero torque `times` times, then servo off.
     fn say_release(&self, times: usize, out: &mut Vec<CanFrame>) {
-        (0..times).for_each(|_| self.say_torque(&[0; WIRE_JOINTS], out));
+        (0..times).for_each(|_| self.say_pwm(&[0; WIRE_JOINTS], out));
         self.say(HostMessage::ServoOff, out);
     }
 
     /// Servo on, after a zero torque: the hand may still hold an older one.
     fn say_on(&self, out: &mut Vec<CanFrame>) {
-        self.say_torque(&[0; WIRE_JOINTS], out);
+        self.say_pwm(&[0; WIRE_JOINTS], out);
         self.say(HostMessage::ServoOn, out);
     }
 
-    fn say_torque(&self, pwm: &[i16; WIRE_JOINTS], out: &mut Vec<CanFrame>) {
+    fn say_pwm(&self, pwm: &[i16; WIRE_JOINTS], out: &mut Vec<CanFrame>) {
         let (fingers, _) = pwm.as_chunks::<4>();
         for (&finger, &pwm) in Finger::ALL.iter().zip(fingers) {
             self.say(HostMessage::Torque { finger, pwm }, out);

@@ -109,7 +109,7 @@ fn table(said: impl Iterator<Item = (&'static Row, Option<String>)>) -> String {
         groups[known].within.extend(within(row));
     }
     let mut table =
-        "| what happens | what is said | what to do | stands within |\n|---|---|---|---|\n".to_string();
+        "| what happens | what is said | what to do | stopped within |\n|---|---|---|---|\n".to_string();
     for Group { names, said, within } in groups {
         let (said, remedy) = parts(&said);
         writeln!(table, "| {} | {said} | {remedy} | {} |", names.join("<br>"), times(within)).unwrap();
