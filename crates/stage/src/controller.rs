@@ -6,7 +6,8 @@
 //! which has plain torque actuators.
 //!
 //! ```text
-//! target ─► low-pass ─► reference (velocity, acceleration, jerk bounded) ─► delay ─► PD ─► clamp ─► dead band ─► torque
+//! target ─► low-pass ─► reference (velocity, acceleration, jerk bounded) ─► delay
+//!        ─► PD ─► clamp ─► dead band ─► torque
 //! ```
 //!
 //! The delay is last because the reference is smooth, unlike the targets: it can be interpolated
