@@ -10,7 +10,7 @@ use etude_stage::PhysicalParams;
 use super::error::IdentifyError;
 use super::pass::{Pass, PassEnd};
 use super::setup::{Batch, Setup};
-use super::start_values::{find_delays, restart_jerk_limits};
+use super::start_values::{find_delays, restart};
 use super::state::State;
 use crate::fit::Fit;
 use crate::group::Group;
@@ -62,7 +62,7 @@ pub(super) fn run(
         }
         let mut starts = state.params.clone();
         if pass == Pass::Restart {
-            restart_jerk_limits(setup, &mut starts);
+            restart(setup, &mut starts, &motions, job.interrupt())?;
         }
         state.fits = fits(setup, state, pass, &starts, &motions)?;
         (state.pass, state.replays, state.secs) = (pass, 0, 0.0);

@@ -1,5 +1,6 @@
 //! Known parameters are recovered: see [`crate::synthetic`].
 
+use etude_identify::ParameterEstimate;
 use etude_stage::params::JointRow;
 use etude_stage::{RAIL, StageConfig, World};
 
@@ -16,10 +17,16 @@ fn the_known_numbers_of_a_finger_come_back_to_the_noise() {
         assert!(*before > 5.0 && *after < 1.1, "{joint}");
     }
     println!("median error {:.4}, coverage {:.3}", recovery.median_error(), recovery.coverage());
-    // Two joints with seven parameters each. Of 14 intervals of 95 % fewer than 11 cover with a
-    // probability of 1 in 240.
-    assert_eq!(recovery.numbers.len(), 14);
-    assert!(recovery.median_error() < 0.05 && recovery.coverage() >= 11.0 / 14.0);
+    for (found, truth) in &recovery.numbers {
+        println!("{}: {:.5} {:.5?}, true {truth:.5}", found.path, found.value, found.interval);
+    }
+    // Two joints with ten parameters each, which include what holds a joint back: dry friction, its
+    // multiple at rest, dead band and load. Six of ten have the scale of torque in common, which is
+    // known to some per cent only, so six intervals miss together.
+    assert_eq!(recovery.numbers.len(), 20);
+    let error = |(found, truth): &(ParameterEstimate, f64)| (found.value / truth - 1.0).abs();
+    assert!(recovery.numbers.iter().all(|number| error(number) < 0.15));
+    assert!(recovery.median_error() < 0.05 && recovery.coverage() >= 13.0 / 20.0);
 }
 
 /// A robot of [`truth`] whose finger motors take `back_emf` (N·m·s/rad) away as they turn, at their
@@ -71,8 +78,8 @@ fn estimates<const N: usize>(recovery: &Recovery, paths: [&str; N]) -> [[f64; 2]
     })
 }
 
-fn is_within_5_per_cent([value, expected]: [f64; 2]) {
-    assert!((value / expected - 1.0).abs() < 0.05, "{value}, not {expected}");
+fn is_within(share: f64, [value, expected]: [f64; 2]) {
+    assert!((value / expected - 1.0).abs() < share, "{value}, not {expected}");
 }
 
 /// A motor of 0.9 N·m and 11 rad/s without load. The scale of torque is found only as well as the
@@ -80,7 +87,7 @@ fn is_within_5_per_cent([value, expected]: [f64; 2]) {
 #[test]
 fn back_emf_comes_back_as_viscosity() {
     let recovery = recover_back_emf(&[1], 0.9 / 11.0, 2).unwrap();
-    estimates(&recovery, ["joint.index_1.viscosity"]).into_iter().for_each(is_within_5_per_cent);
+    estimates(&recovery, ["joint.index_1.viscosity"]).into_iter().for_each(|pair| is_within(0.12, pair));
 }
 
 /// The arm of the twin's truth `worn`.
@@ -88,5 +95,5 @@ fn back_emf_comes_back_as_viscosity() {
 fn lag_and_ringing_of_an_arm_come_back() {
     let recovery = recover_arm(5.5, 0.55, 0.03, 3).unwrap();
     let paths = ["joint.rail.stiffness", "joint.rail.damping", "joint.rail.delay"];
-    estimates(&recovery, paths).into_iter().for_each(is_within_5_per_cent);
+    estimates(&recovery, paths).into_iter().for_each(|pair| is_within(0.05, pair));
 }
