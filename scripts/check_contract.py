@@ -116,23 +116,30 @@ class Contract:
 
 
 def read(path):
-    topics = {"/step": [], "/policy": [], "/target": []}
+    """Steps, policy's choices, targets, and the set-points of a robot that were last sent at each choice."""
+    topics = {"/step": [], "/policy": [], "/target": [], "/setpoint": []}
+    last = []
     with open(path, "rb") as file:
         for _, channel, message in make_reader(file).iter_messages(topics=list(topics)):
             topics[channel.topic].append(json.loads(message.data))
-    return topics.values()
+            if channel.topic == "/policy":
+                last.append(topics["/setpoint"][-1]["sent"] if topics["/setpoint"] else None)
+    return topics["/step"], topics["/policy"], topics["/target"], last
 
 
 def main(path, recording):
     contract, session = Contract(path), onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    steps, chosen, sent = read(recording)
+    steps, chosen, sent, last = read(recording)
     worst = np.zeros(3)
     # Before the third step there is nothing to compare: no step has ended whose joints are two
     # steps old.
     for step in range(2, len(chosen)):
         readings = [steps[step - ago]["positions"] for ago in (1, 2)]
         if contract.all["task"].get("rail_set_point"):
-            readings = [[*steps[step - ago]["positions"][:-1], steps[step - ago]["targets"][-1]] for ago in (1, 2)]
+            # The limiter may have held the rail back from what it was asked.
+            rails = [last[step + 1 - ago] for ago in (1, 2)]
+            rails = [rail or steps[step - ago]["targets"] for ago, rail in zip((1, 2), rails)]
+            readings = [[*steps[step - ago]["positions"][:-1], rails[ago - 1][-1]] for ago in (1, 2)]
         actions = [chosen[step - ago]["action"] for ago in range(1, min(step, 4) + 1)]
         seen = np.array(chosen[step]["observation"], np.float32)
         if len(actions) >= contract.all["task"]["previous_actions"]:

@@ -88,8 +88,9 @@ pub fn key_target(key: usize) -> [f64; 3] {
     [x, key_lateral(key), z]
 }
 
-/// One fence: a thin fixed wall in the gap between two white keys of the simulation. It is a model of
-/// what the bodies of the neighbouring keys do on a real keyboard: they keep a finger on its key.
+/// One fence: a thin fixed wall in the gap between two white keys of the simulation. It is a model
+/// of what the bodies of the neighbouring keys do on a real keyboard: they keep a finger on its
+/// key.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fence {
     /// Place along the keyboard, m.

@@ -35,8 +35,8 @@ const KEY_REBOUND: f64 = 0.01;
 /// they are at rest, which visibly changed later presses. With this value positions stay within
 /// 1e-8, and the time does not change measurably.
 const SLEEP_TOLERANCE: f64 = 1e-10;
-/// Impedance of joints' dry friction. With MuJoCo's default, 0.9, a joint that friction holds creeps
-/// at tens of mrad/s.
+/// Impedance of joints' dry friction. With MuJoCo's default, 0.9, a joint that friction holds
+/// creeps at tens of mrad/s.
 const FIRM_FRICTION: &str = "0.999 0.999 0.001";
 /// Contact bit of hand against keyboard.
 const TOUCHES_KEYBOARD: u32 = 1;

@@ -64,8 +64,9 @@ pub struct TaskConfig {
     pub lookahead: usize,
     /// Whether the observation holds the joints of one step ago (main text) or not (appendix).
     pub previous_joints: bool,
-    /// Previous actions that the observation shows, the newest first. 0 by default, 1 in the preset `paper`. They
-    /// show the policy what is still to come of slow or late drives, whose references it does not see.
+    /// Previous actions that the observation shows, the newest first. 0 by default, 1 in the preset
+    /// `paper`. They show the policy what is still to come of slow or late drives, whose references
+    /// it does not see.
     pub previous_actions: usize,
     /// Whether the policy is shown a planned [`Fingering`](crate::Fingering) of the song: the
     /// observation has the position of each fingertip relative to its goal, and the rail's action

@@ -31,7 +31,8 @@ fn kill_recordings(robot: &[f64], lockstep: &[f64]) {
         let was_killed = || {
             let mut command = sandbox.command(&args);
             let mut process = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-            wait_for("it never began to record", || file.exists());
+            let has_begun = || file.exists() && (*moment == 0.0 || Recording::read(&file).is_ok());
+            wait_for("it never began to record", has_begun);
             std::thread::sleep(Duration::from_secs_f64(*moment));
             let ended = process.try_wait().unwrap().is_some();
             process.kill().unwrap();

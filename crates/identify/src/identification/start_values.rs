@@ -47,10 +47,10 @@ pub(super) fn find_delays(
 }
 
 /// Other starts for all joints. A joint that repeats its motion much worse than another of the same
-/// place in a finger was caught in a local minimum: it starts where that one has ended, since motors
-/// and links are alike. Every other joint's jerk limit is put on the other side of its kink. Above
-/// the kink the physics step bounds how the reference settles, below it the jerk limit does, and no
-/// slope leads from one side to the other.
+/// place in a finger was caught in a local minimum: it starts where that one has ended, since
+/// motors and links are alike. Every other joint's jerk limit is put on the other side of its kink.
+/// Above the kink the physics step bounds how the reference settles, below it the jerk limit does,
+/// and no slope leads from one side to the other.
 pub(super) fn restart(
     setup: &Setup<'_>,
     params: &mut PhysicalParams,

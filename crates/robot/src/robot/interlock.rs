@@ -1,10 +1,10 @@
 //! Why the hand may not move along the keyboard as it is asked to: the arm has not followed, or a
 //! finger among the keys would be dragged along.
 //!
-//! A pressed key lies between the bodies of its neighbours. A hand that moves on drags the fingertip
-//! against them, and then the finger turns back about its roll joint, the first of its four. Up to
-//! that joint's stop the key bears what the joint's torque clamp allows, some 3 N; at the stop it
-//! bears the arm.
+//! A pressed key lies between the bodies of its neighbours. A hand that moves on drags the
+//! fingertip against them, and then the finger turns back about its roll joint, the first of its
+//! four. Up to that joint's stop the key bears what the joint's torque clamp allows, some 3 N; at
+//! the stop it bears the arm.
 
 use super::rail_arm::RailArm;
 use crate::allegro::{Hand, JOINT_LIMITS_RAD, PLAYING, TIP_RADIUS_M, WIRE_JOINTS, tip_depths};
@@ -125,7 +125,8 @@ mod tests {
         // It is above the keys, and it is where it was sent.
         assert_eq!(ways(0.2, 0.0, 0.001), [f64::INFINITY; 2]);
         assert_eq!(ways(0.2, 0.15, 0.004), [f64::INFINITY; 2]);
-        // A tip that has stayed behind a hand on its way to the high notes, and one to the low ones.
+        // A tip that has stayed behind a hand on its way to the high notes, and one to the low
+        // ones.
         let [low, high] = ways(0.2, 0.0, 0.004);
         assert!(low == f64::INFINITY && (0.021..0.025).contains(&high), "{low} and {high} m");
         assert_eq!(ways(-0.2, 0.0, 0.004), [high, low]);

@@ -3,9 +3,10 @@
 //!
 //! Such a joint runs away from its reference to a stop, and is pushed against that with all its
 //! torque. A key or a person can bring a finger to the same place, and what is measured does not
-//! tell who did. So a joint that stands although it is pushed hard is asked once: for a moment it is
-//! pushed the other way. Only a joint of the wrong sign then comes nearer to its reference. A finger
-//! that may be on a key is not asked: a note would stop, and the arm may drag it along meanwhile.
+//! tell who did. So a joint that stands although it is pushed hard is asked once: for a moment it
+//! is pushed the other way. Only a joint of the wrong sign then comes nearer to its reference. A
+//! finger that may be on a key is not asked: a note would stop, and the arm may drag it along
+//! meanwhile.
 
 use std::time::Duration;
 

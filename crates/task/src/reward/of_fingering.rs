@@ -50,9 +50,9 @@ const VELOCITY_BOUND: f64 = 0.05;
 const VELOCITY_MARGIN: f64 = 0.4;
 const DYNAMICS_MARGIN: f64 = 0.5;
 
-/// For each note that begins in the step and is struck in it, how near the strike's velocity is to the
-/// note's. It is never negative, so that holding a key through is rewarded less than striking it
-/// again.
+/// For each note that begins in the step and is struck in it, how near the strike's velocity is to
+/// the note's. It is never negative, so that holding a key through is rewarded less than striking
+/// it again.
 pub(super) fn velocity(context: &StepContext) -> f64 {
     strikes(context, VELOCITY_MARGIN, Goal::begins)
 }

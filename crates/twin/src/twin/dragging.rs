@@ -1,5 +1,5 @@
-//! What keys bear from a hand that moves on while a finger holds one of them, with the controller of
-//! a real robot.
+//! What keys bear from a hand that moves on while a finger holds one of them, with the controller
+//! of a real robot.
 
 use etude_robot::{Pace, Phase, Robot};
 use etude_stage::geometry::KeyShape;
@@ -9,13 +9,13 @@ use etude_stage::kinematics;
 use super::keyboard::{E, MIDDLE, ROLL, SETS, key_contacts};
 use super::*;
 
-/// The most that keys get along the keyboard, N, on average over 20 ms: twice the 16 N with which the
-/// excitation `keys` pushes against a black key. An arm that pushes a finger at its stop takes 24 to
-/// 232 N.
-const MOST_N: f64 = 30.0;
+/// The most that keys get along the keyboard, N, on average over 20 ms: twice the 16 N with which
+/// the excitation `keys` pushes against a black key. An arm that pushes a finger at its stop takes
+/// 24 to 232 N.
+const MAX_N: f64 = 30.0;
 /// The same within a millisecond, in which a finger strikes the edge of a key; at its stop up to
 /// 1,000 N.
-const MOST_IN_A_STRIKE_N: f64 = 200.0;
+const MAX_IN_A_STRIKE_N: f64 = 200.0;
 
 /// The middle finger presses E, and after half a second the policy asks for a place `way_m` farther
 /// along the keyboard at once, with the finger still pressing: the force on all keys along the
@@ -70,8 +70,8 @@ fn a_hand_that_moves_on_with_a_pressed_key_stops_before_the_arm_pushes_it() {
             let sustained = sustained.fold(0.0, f64::max);
             let peak = forces.iter().fold(0.0, |most: f64, force| most.max(force.abs()));
             println!("{name}, {way_m} m: {sustained:.1} N over 20 ms, {peak:.0} N over 1 ms");
-            assert!(sustained < MOST_N, "{name}, {way_m} m: {sustained} N");
-            assert!(peak < MOST_IN_A_STRIKE_N, "{name}, {way_m} m: {peak} N");
+            assert!(sustained < MAX_N, "{name}, {way_m} m: {sustained} N");
+            assert!(peak < MAX_IN_A_STRIKE_N, "{name}, {way_m} m: {peak} N");
         }
     }
 }

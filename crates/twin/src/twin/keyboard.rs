@@ -124,8 +124,8 @@ fn a_finger_that_pushes_with_10_newtons_does_not_sink_into_a_key() {
     }
 }
 
-/// What the paper says of a real keyboard: a finger that pushes sideways while it holds a key sounds
-/// no neighbour. It goes as far as the side of the next key.
+/// What the paper says of a real keyboard: a finger that pushes sideways while it holds a key
+/// sounds no neighbour. It goes as far as the side of the next key.
 #[test]
 fn a_finger_that_holds_a_key_and_pushes_sideways_stays_on_it() {
     for name in SETS {
