@@ -73,6 +73,7 @@ impl Encoders {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use etude_stage::RAIL;
     use proptest::prelude::*;
 
     #[test]
