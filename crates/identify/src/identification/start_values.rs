@@ -58,7 +58,7 @@ pub(super) fn restart(
     interrupt: &AtomicBool,
 ) -> Result<(), IdentifyError> {
     let ended = params.clone();
-    let traces = setup.replay(&[ended.clone()], motions, |_| true, false, interrupt)?;
+    let traces = setup.replay(std::slice::from_ref(&ended), motions, |_| true, false, interrupt)?;
     let error = |joint: usize| total_error(motions, &traces[0], joint);
     for joint in 0..DRIVEN_JOINTS {
         let alike = |other: &usize| joint != RAIL && other % JOINTS_PER_FINGER == joint % JOINTS_PER_FINGER;

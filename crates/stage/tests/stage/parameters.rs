@@ -67,7 +67,11 @@ fn every_row_takes_effect_without_building_anew() {
     let mut world = bench::nominal();
     let mut wrong = Vec::new();
     for (path, row, default) in PhysicalParams::rows() {
-        let value = if default == 0.0 { 0.1 * row.range[1] } else { 0.7 * default };
+        let value = match default {
+            0.0 => 0.1 * row.range[1],
+            _ if 0.7 * default < row.range[0] => 1.5 * default,
+            _ => 0.7 * default,
+        };
         let mut params = PhysicalParams::default();
         params.set(&path, value).unwrap();
         world.set_params(&params);
@@ -76,8 +80,8 @@ fn every_row_takes_effect_without_building_anew() {
         if changed != play(&mut World::new(&config, &params).unwrap()) {
             wrong.push(format!("{path}: not as built anew"));
         }
-        // The thresholds change what sounds, not what moves, and limits that are never met change
-        // nothing.
+        // The thresholds change what sounds, not what moves; limits that are never met change nothing,
+        // nor does a multiple of no friction.
         let unseen = [
             "key.threshold",
             "key.hysteresis",
@@ -85,6 +89,7 @@ fn every_row_takes_effect_without_building_anew() {
             "velocity_limit",
             "acceleration_limit",
             "jerk_limit",
+            "friction_at_rest",
         ];
         if changed == nominal && !unseen.iter().any(|name| path.ends_with(name)) {
             wrong.push(format!("{path}: no effect"));

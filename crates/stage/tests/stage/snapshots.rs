@@ -30,8 +30,13 @@ proptest! {
         elsewhere in bench::gestures(),
         after in bench::gestures(),
         cut in 0.0f64..1.0,
+        sticks in any::<bool>(),
     ) {
-        let params = PhysicalParams::default();
+        let mut params = PhysicalParams::default();
+        if sticks {
+            params.set("joint.all.friction", 0.02).unwrap();
+            params.set("joint.all.friction_at_rest", 1.5).unwrap();
+        }
         let mut world = World::new(&config, &params).unwrap();
         let targets = all_targets(&world, &before);
         let stop = (cut * targets.len() as f64) as usize;
