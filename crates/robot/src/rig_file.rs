@@ -221,9 +221,9 @@ mod tests {
             RigConfig { limits, ..rig() }.check().unwrap_err().to_string()
         };
         let ceilings = [
-            ("finger_velocity", 13.0),
-            ("finger_acceleration", 2000.0),
-            ("finger_jerk", 400_000.0),
+            ("finger_velocity", 55.0),
+            ("finger_acceleration", 5300.0),
+            ("finger_jerk", 1_060_000.0),
             ("rail_velocity", 1.0),
             ("rail_acceleration", 14.0),
             ("rail_jerk", 5000.0),
