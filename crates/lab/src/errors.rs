@@ -32,9 +32,14 @@ pub(crate) fn unusable(path: &Path, why: impl Display) -> anyhow::Error {
     anyhow!("{}: {why}; choose another folder with -o", path.display())
 }
 
+/// A safety stop ended the work. The text says in which part, and why.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}; remove the cause, then give the same command again")]
+pub struct SafetyStop(String);
+
 /// The error of a safety stop.
 pub(crate) fn safety_stop(part: &str, fault: &str) -> anyhow::Error {
-    anyhow!("{part}: safety stop: {fault}; remove the cause, then give the same command again")
+    SafetyStop(format!("{part}: safety stop: {fault}")).into()
 }
 
 /// Releases the robot of `session` after `outcome`. Neither an error of the release nor what came

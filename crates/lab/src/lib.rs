@@ -36,7 +36,7 @@ pub use choose_player::{Chosen, pianist_for};
 pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve, stored_config, toml_error};
 pub use correction::CorrectionFile;
 pub use doctor::{Finding, examine};
-pub use errors::{Interrupted, released};
+pub use errors::{Interrupted, SafetyStop, released};
 pub use excitations::record_excitations;
 pub use folder::{CONFIG, META, SONG, make_folder, player_slug, readable, slug};
 pub use grid::{GridConfig, GridReport, GridScores, Marginal, WorldScores, evaluate_grid};

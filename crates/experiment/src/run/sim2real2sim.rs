@@ -5,7 +5,7 @@ use std::path::Path;
 
 use etude_identify::Progress;
 use etude_lab::{
-    Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, find_song, identify_robot,
+    Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, SafetyStop, find_song, identify_robot,
     record_excitations, rehearse_on_robot, slug,
 };
 use etude_perform::session::{TWIN, rig_choice};
@@ -64,12 +64,14 @@ impl RunningTrial<'_, '_> {
                 let done = done + part / all.len() as f64;
                 TRAINING_AND_REHEARSALS_SHARE + (1.0 - TRAINING_AND_REHEARSALS_SHARE) * done
             };
-            rows.extend(self.rehearse(
-                &config,
-                &self.folder.join("rehearsal").join(folder),
-                &labels,
-                share,
-            )?);
+            // A twin that stops for safety ends its rehearsal, and is counted.
+            let folder = self.folder.join("rehearsal").join(folder);
+            match self.rehearse(&config, &folder, &labels, share) {
+                Err(error) if error.is::<SafetyStop>() => {
+                    rows.push(result_row(&labels, &[("complete", 0.0)]));
+                }
+                done => rows.extend(done?),
+            }
         }
         Ok(rows)
     }
@@ -104,6 +106,7 @@ impl RunningTrial<'_, '_> {
         let rows = iterations.iter().map(|iteration| {
             let scores = &iteration.scores;
             let mut values = vec![
+                ("complete", 1.0),
                 ("sim_f1", scores.sim_f1),
                 ("f1", scores.robot_f1),
                 ("onset_f1", scores.notes.onset_f1),
