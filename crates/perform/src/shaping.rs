@@ -67,18 +67,25 @@ pub fn limits_for(params: &PhysicalParams) -> LimitsConfig {
     let usual = LimitsConfig::default();
     // A fit estimates the jerk limit, so that the acceleration limit stands for both. Rounded, so
     // that the limits of a simulator that was fitted to such a rig are the same again.
-    let limit = |joint: usize, index: usize, max: [f64; 3]| {
-        let row = ROWS[index.min(1)];
-        let quicker = (params.joint(row, joint) / PhysicalParams::default().joint(row, joint)).max(1.0);
-        ((of_joint(&usual, joint)[index] * quicker * 1e3).round() / 1e3).min(max[index])
+    let limits = |joint: usize, max: [f64; 3]| {
+        let usual = of_joint(&usual, joint);
+        let quicker = |row, usual: f64| {
+            let share = (params.joint(row, joint) / PhysicalParams::default().joint(row, joint)).max(1.0);
+            (usual * share * 1e3).round() / 1e3
+        };
+        let (velocity, acceleration) = (quicker(ROWS[0], usual[0]), quicker(ROWS[1], usual[1]));
+        let jerk = usual[2] * acceleration / usual[1];
+        [velocity.min(max[0]), acceleration.min(max[1]), jerk.min(max[2])]
     };
+    let [finger_velocity, finger_acceleration, finger_jerk] = limits(0, MAX_FINGER_LIMITS);
+    let [rail_velocity, rail_acceleration, rail_jerk] = limits(RAIL, MAX_RAIL_LIMITS);
     LimitsConfig {
-        finger_velocity: limit(0, 0, MAX_FINGER_LIMITS),
-        finger_acceleration: limit(0, 1, MAX_FINGER_LIMITS),
-        finger_jerk: limit(0, 2, MAX_FINGER_LIMITS),
-        rail_velocity: limit(RAIL, 0, MAX_RAIL_LIMITS),
-        rail_acceleration: limit(RAIL, 1, MAX_RAIL_LIMITS),
-        rail_jerk: limit(RAIL, 2, MAX_RAIL_LIMITS),
+        finger_velocity,
+        finger_acceleration,
+        finger_jerk,
+        rail_velocity,
+        rail_acceleration,
+        rail_jerk,
         ..usual
     }
 }
@@ -114,7 +121,10 @@ mod tests {
     #[test]
     fn a_rig_is_as_quick_as_the_simulator_and_shapes_alike() {
         assert_eq!(limits_for(&PhysicalParams::default()), LimitsConfig::default());
-        assert_eq!(shaping_params(&LimitsConfig::default()), PhysicalParams::default());
+        let [shaped, default] = [shaping_params(&LimitsConfig::default()), PhysicalParams::default()];
+        for (row, joint) in ROWS.into_iter().flat_map(|row| [(row, 0), (row, RAIL)]) {
+            assert!((shaped.joint(row, joint) / default.joint(row, joint) - 1.0).abs() < 1e-12);
+        }
         let mut quick = PhysicalParams::default();
         for (path, value) in
             [("joint.rail.acceleration_limit", 13.25), ("joint.fingers.velocity_limit", 40.0)]
