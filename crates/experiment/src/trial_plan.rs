@@ -203,6 +203,9 @@ impl Experiment {
         let Some(rehearse) = self.rehearse.clone() else { return Ok((None, String::new())) };
         let modes = variant.modes.clone().unwrap_or(rehearse.modes);
         let twin_params = variant.twin_params.clone().unwrap_or(rehearse.twin_params);
+        if twin_params.is_empty() {
+            return Ok((None, String::new()));
+        }
         let rehearse = RehearseConfig {
             modes: all_or_first(&modes, smoke).to_vec(),
             twin_params: all_or_first(&twin_params, smoke).to_vec(),

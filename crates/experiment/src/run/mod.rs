@@ -191,9 +191,7 @@ impl RunningTrial<'_, '_> {
             bail!(STOPPED);
         }
         let rows = match (&song, rehearse) {
-            (Some(_), Some(rehearse)) if !rehearse.twin_params.is_empty() => {
-                self.rehearse_on_twins(training, rehearse, seed)?
-            }
+            (Some(_), Some(rehearse)) => self.rehearse_on_twins(training, rehearse, seed)?,
             (Some(song), _) => self.scores(song, &load_pianist(&folder)?, perform, seed, share)?,
             (None, _) => vec![result_row(&[], &of_validation(&best))],
         };

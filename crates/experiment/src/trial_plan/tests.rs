@@ -144,7 +144,7 @@ fn twin_parameters_are_part_of_the_work_and_each_set_has_its_rehearsal() {
     // A variant may be played on other twins, or be trained alone.
     let alone = plan(&rehearse.replace("name = \"none\"", "name = \"none\"\ntwin_params = []"), &config);
     let twins = |trial: &Trial| match &trial.work {
-        TrialWork::Train { rehearse: Some(rehearse), .. } => rehearse.twin_params.len(),
+        TrialWork::Train { rehearse, .. } => rehearse.as_ref().map_or(0, |on| on.twin_params.len()),
         _ => panic!("{trial:?}"),
     };
     for (trial, before) in alone.iter().zip(&rehearsals) {

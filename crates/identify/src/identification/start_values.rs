@@ -59,13 +59,13 @@ pub(super) fn restart(
 ) -> Result<(), IdentifyError> {
     let ended = params.clone();
     let traces = setup.replay(std::slice::from_ref(&ended), motions, |_| true, false, interrupt)?;
-    let error = |joint: usize| total_error(motions, &traces[0], joint);
+    let errors: [f64; DRIVEN_JOINTS] = std::array::from_fn(|joint| total_error(motions, &traces[0], joint));
     for joint in 0..DRIVEN_JOINTS {
         let alike = |other: &usize| joint != RAIL && other % JOINTS_PER_FINGER == joint % JOINTS_PER_FINGER;
-        let moved = |other: &usize| error(*other) > 0.0;
+        let moved = |other: &usize| errors[*other] > 0.0;
         let others = (0..RAIL).filter(alike).filter(moved);
-        let best = others.min_by(|a, b| error(*a).total_cmp(&error(*b)));
-        match best.filter(|best| error(joint) > CAUGHT * error(*best)) {
+        let best = others.min_by(|a, b| errors[*a].total_cmp(&errors[*b]));
+        match best.filter(|best| errors[joint] > CAUGHT * errors[*best]) {
             Some(best) => {
                 for row in JointRow::ALL {
                     params.set_joint(*row, joint, ended.joint(*row, best));

@@ -171,8 +171,10 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<IdentifyReport> {
+        // The paper's first fit is to hand opening and closing alone.
+        let uses_played = method == IdentifyMethod::Lm || iteration > 1 || self.config.simulator.is_some();
         let mut performances = Vec::new();
-        for path in &before.recordings {
+        for path in before.recordings.iter().filter(|_| uses_played) {
             // A recording may mislead the fit: a policy at the start of its training pushes against
             // the joints' stops.
             match RecordedMotion::load(path) {
@@ -193,9 +195,6 @@ impl Rehearsal<'_> {
             IdentifyMethod::Lm if fitted_before => &[Excitation::Keys, Excitation::HeldOut],
             IdentifyMethod::Lm => &Excitation::ALL,
         };
-        if method == IdentifyMethod::Bo && !fitted_before {
-            performances.clear();
-        }
         let excitations = record_excitations(
             self.rig,
             wanted,

@@ -148,11 +148,7 @@ impl Robot {
             let asked = self.motion.asked(at, &self.config.limits.thumb_rad);
             let rail = self.set_points.rail();
             let asked_m = asked.map_or(rail.position(), |asked| asked[RAIL_AXIS]);
-            let held = Interlock::new(&self.hand, &self.set_points.reference(now)).holds_rail(
-                rail,
-                asked_m,
-                &self.rail_arm,
-            );
+            let held = self.interlock(now).holds_rail(rail, asked_m, &self.rail_arm);
             self.status.journal.push(self.set_points.step(asked, held));
         }
         Ok(())
@@ -180,6 +176,11 @@ impl Robot {
         }
     }
 
+    /// Whether a finger among the keys is dragged along.
+    fn interlock(&self, now: Duration) -> Interlock {
+        Interlock::new(&self.hand, &self.set_points.reference(now))
+    }
+
     /// Gives the arm the next target if it can be sent now.
     fn move_arm(&mut self, now: Duration) -> Result<(), Fault> {
         if !self.status.is_live() || !self.rail_arm.arm.takes_target(now) {
@@ -199,7 +200,7 @@ impl Robot {
             return Ok(self.rail_arm.arm.servo(now, joints)?);
         }
         let easing = (self.set_points.easing.left(now)[RAIL_AXIS], self.set_points.easing.share(now));
-        let interlock = Interlock::new(&self.hand, &self.set_points.reference(now));
+        let interlock = self.interlock(now);
         let (rail_m, at_m) = (self.set_points.rail().position(), self.rail_arm.place().rail_m);
         let brakes = |rail: &Axis| interlock.drags(rail, rail_m, at_m);
         self.rail_arm.follow_rail(now, pause, rail_m, easing, brakes)

@@ -309,7 +309,7 @@ impl Judge {
         self.target = Some((now, joints));
     }
 
-    /// A target at this place on the rail, m, at this speed: a hand that goes on can still stop
+    /// A target at this place on the rail, m, at this speed: a hand that moves on can still stop
     /// before a finger that it drags gets to the stop of its roll joint, or it brakes.
     fn judge_dragging(&mut self, rail_m: f64, speed: f64, period: f64) {
         let limits = &self.limits[12];

@@ -26,7 +26,7 @@ struct Driven {
     /// Where the joints are pulled to.
     target: [f64; DRIVEN_JOINTS],
     /// The largest torques of the finger, N·m.
-    most_nm: [f64; JOINTS_PER_FINGER],
+    max_nm: [f64; JOINTS_PER_FINGER],
 }
 
 impl Driven {
@@ -35,7 +35,7 @@ impl Driven {
         let twin = Twin::new(&TwinParams::load(name).unwrap(), HandSide::Left).unwrap();
         let mut target = twin.world.start_pose();
         target[RAIL] = twin.world.key_target(key)[1] - root_lateral(Side::Left, MIDDLE);
-        let mut driven = Self { twin, target, most_nm: CLAMPS_NM };
+        let mut driven = Self { twin, target, max_nm: CLAMPS_NM };
         driven.aim(key, 0.01, aside);
         driven.twin.world.reset_to(&driven.target);
         driven
@@ -57,7 +57,7 @@ impl Driven {
             if joint == RAIL {
                 return 40_000.0 * off - 1000.0 * speeds[joint];
             }
-            let most = self.most_nm[joint % JOINTS_PER_FINGER];
+            let most = self.max_nm[joint % JOINTS_PER_FINGER];
             (3.0 * off - 0.1 * speeds[joint]).clamp(-most, most)
         });
         self.twin.drive(&torques);
@@ -112,7 +112,7 @@ fn white_keys_are_a_millimetre_apart_and_have_no_fences_between_them() {
 fn a_finger_that_pushes_with_10_newtons_does_not_sink_into_a_key() {
     for name in SETS {
         let mut driven = Driven::over(name, E, 0.0);
-        driven.most_nm = [0.3125, 1.4, 1.0, 1.0];
+        driven.max_nm = [0.3125, 1.4, 1.0, 1.0];
         driven.aim(E, -0.012, 0.0);
         driven.run(500);
         let (deepest, [.., down]) = key_contacts(&driven.twin.world);
