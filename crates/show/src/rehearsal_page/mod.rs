@@ -270,7 +270,7 @@ mod tests {
             "&lt;b&gt;&amp;.mid",
             "twin parameters worn",
             "Iteration 0 has played best, by the mean of F1 and onset F1: its policy is the one to use.",
-            "11 columns: scroll the table sideways.",
+            "13 columns: scroll the table sideways.",
             "<summary>Parameters changed by the fits: 1</summary>",
             "Notes right on the robot",
             "notes due",
