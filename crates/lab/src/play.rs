@@ -162,6 +162,26 @@ pub fn scores_in_simulation(
     Ok(perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.scores())
 }
 
+/// Scores of the pianist in the worlds that the randomisation of its task draws for the seeds below
+/// `worlds`.
+///
+/// # Errors
+/// If the task of the pianist is not sound.
+pub(crate) fn scores_in_worlds(
+    pianist: &Pianist,
+    piece: &Piece,
+    planner: &mut SongPlanner<'_>,
+    worlds: u64,
+) -> anyhow::Result<Vec<Scores>> {
+    let task = &pianist.config.task;
+    let mut ready = pianist.ready(task, piece, planner.on_progress())?;
+    let mut score = |seed| {
+        let mut rig = SimRig::new(task, piece, seed)?;
+        Ok(perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.scores())
+    };
+    (0..worlds).map(&mut score).collect()
+}
+
 /// The header of a recording in which `pianist` plays `piece` on the rig that is called `rig`.
 pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option<RigConfig>) -> Header {
     Header {

@@ -6,6 +6,7 @@ use etude_perform::Mode;
 use serde::de::IntoDeserializer as _;
 use serde::{Deserialize, Serialize};
 
+use super::prediction::Prediction;
 use crate::identify::IdentifyMethod;
 use crate::robot::RobotScores;
 
@@ -110,18 +111,6 @@ pub struct Iteration {
     pub recordings: Vec<PathBuf>,
     /// The identified numbers, by path.
     pub physics: std::collections::BTreeMap<String, f64>,
-}
-
-/// How well a fit predicts playing: F1 of the policy of the iteration before, which was not trained
-/// in the fitted simulator, as it was played on the robot.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Prediction {
-    /// In the simulator in which it was trained.
-    pub before_fit_f1: f64,
-    /// In the fitted simulator.
-    pub after_fit_f1: f64,
-    /// On the robot.
-    pub played_f1: f64,
 }
 
 /// The iteration that has played best on the robot, by the mean of F1 and onset F1; the earlier one

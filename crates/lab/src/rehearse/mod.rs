@@ -15,8 +15,8 @@
 //! the same command resumes a rehearsal that was stopped at any point, also by kill -9.
 
 mod iteration;
+mod prediction;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use etude_identify::{MotionError, Progress, RecordedMotion};
@@ -32,16 +32,14 @@ use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::json_files::{load, save_pretty};
 use crate::pianist::load_pianist;
-use crate::play::scores_in_simulation;
 use crate::robot::{RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot};
 use crate::run::Run;
 use crate::song_planner::SongPlanner;
 use crate::training_progress::TrainingProgress;
 use crate::warm_start::beginning_with;
 
-pub use iteration::{
-    Iteration, Prediction, RehearsalConfig, RehearsalFit, best_iteration, set_latency_compensation,
-};
+pub use iteration::{Iteration, RehearsalConfig, RehearsalFit, best_iteration, set_latency_compensation};
+pub use prediction::Prediction;
 
 /// Name of the result of an iteration in its folder.
 const RESULT: &str = "iteration.json";
@@ -137,7 +135,7 @@ impl Rehearsal<'_> {
             let errors = report.held_out_errors;
             held_out_rad = (!errors.joints.is_empty()).then_some(errors.fingers);
             physics = report.identified.physics;
-            prediction = Some(self.predict(before, &physics)?);
+            prediction = Some(Prediction::of(self.song, before, &physics)?);
             layer = Some(report.file);
         }
         let policy = match (&self.config.policy, best_iteration(earlier)) {
@@ -221,23 +219,6 @@ impl Rehearsal<'_> {
             |at: &Progress| RehearsalStep::Identifying(iteration, at.clone()),
             |job| identify_robot(&what, folder, job),
         )
-    }
-
-    /// Plays the policy of the iteration `before` in the simulator with the fitted `physics`, which
-    /// it was not trained in, as it was played on the robot.
-    fn predict(&self, before: &Iteration, physics: &BTreeMap<String, f64>) -> anyhow::Result<Prediction> {
-        let mut pianist = load_pianist(&before.policy)?;
-        let task = &mut pianist.config.task;
-        task.key_schedule.latency_compensation_secs = before.scores.latency_compensation_secs;
-        task.physics.extend(physics.clone());
-        let mut planner = SongPlanner::default();
-        let piece = planner.plan(self.song, &pianist.config.task)?;
-        let after = scores_in_simulation(&pianist, &piece, &mut planner)?.frame.f1;
-        Ok(Prediction {
-            before_fit_f1: before.scores.sim_f1,
-            after_fit_f1: after,
-            played_f1: before.scores.robot_f1,
-        })
     }
 
     /// Trains in the simulator of `layer`, from what the best iteration so far has learned, for the
