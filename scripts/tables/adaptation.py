@@ -44,6 +44,7 @@ def performances(twin_params, song, options, steps):
     argument("--minutes", type=float, default=10),
     runs(4),
     argument("--seed", type=int, default=0, help="of the twin's noise"),
+    argument("--by-song", action="store_true", help="each song apart"),
 )
 def adapt(options):
     """Adapts the playing of songs to twins, without a fit and without a training."""
@@ -55,13 +56,11 @@ def adapt(options):
             yield from performances(twin_params, song, options, steps[song])
 
     rows = rows_of(options, measured)
-    head("twin parameters, song", *(f"{what}: notes right, wrong; onset F1; F1 (articulated plan)" for what in (REAL, BEFORE, ADAPTED)))
+    head("twin parameters", "songs", "how they were played", "notes right, wrong", "onset F1", "F1 (articulated plan)")
     for twin_params, of_set in groups(rows, "twin_params").items():
-        songs = groups(of_set, "song")
         five = [entry for entry in of_set if entry["song"] in PAPER_SONGS]
-        for name, entries in [*songs.items(), ("the paper's five songs", five), ("all", of_set)]:
-            by_what = groups(entries, "what")
-            cells = (
-                f"{right_of_due(some)}; {mean_of(some, 'onset_f1'):.3f}; {mean_of(some, 'f1'):.3f}" for some in by_what.values()
-            )
-            row(f"`{twin_params}`, {name}", *cells)
+        sums = [("the paper's five", five), ("all seven", of_set)]
+        for name, entries in groups(of_set, "song").items() if options.by_song else sums:
+            for what, some in groups(entries, "what").items():
+                scores = (f"{mean_of(some, key):.3f}" for key in ("onset_f1", "f1"))
+                row(f"`{twin_params}`", name, what, right_of_due(some), *scores)

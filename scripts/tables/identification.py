@@ -1,6 +1,7 @@
 """How well the simulator is fitted to the twin: its keyboard and its drives."""
 
 import pathlib
+import statistics
 import tempfile
 import tomllib
 
@@ -88,3 +89,39 @@ def drives(options):
     for twin_params, of_set in groups(rows, "twin_params").items():
         joints = {entry["joint"]: [1e3 * float(entry[key]) for key in ("noise", "before", "after")] for entry in of_set}
         row(f"`{twin_params}`", *("{:.1f}, {:.1f}, {:.1f}".format(*joints[joint]) for joint in ("fingers", "rail")))
+
+
+FRESH = [f"random:{seed}" for seed in range(101, 106)]
+
+
+@command(
+    "predictions",
+    ROWS,
+    MEASURE,
+    sets(*FRESH),
+    argument("--songs", nargs="+", default=["twinkle", "c-major-scale"], help="to measure"),
+)
+def predictions(options):
+    """F1 of the songs' shipped policies as predicted before and after a fit, and as played.
+
+    The fit is that of `etude rehearse`; its training is as short as may be, and does not count.
+    """
+
+    def measured():
+        for twin_params in options.twin_params:
+            with tempfile.TemporaryDirectory() as folder:
+                drives = []
+                for song in options.songs:
+                    out = pathlib.Path(folder) / song
+                    rehearsal = ["--twin-params", twin_params, "--iterations", 1, "--runs", 1, *drives, "-o", out]
+                    _, after = etude("rehearse", song, *rehearsal, "--set", "trainer.total_steps=5000")
+                    drives = drives or ["--simulator", out / "iteration-1/identified/identified.toml"]
+                    yield {"twin_params": twin_params, "song": song, "seed": 0} | after["prediction"]
+
+    rows = rows_of(options, measured)
+    head("twin parameters", "song", "F1 (articulated plan), predicted before the fit", "after it", "played")
+    for entry in rows:
+        f1 = (f"{float(entry[key]):.3f}" for key in ("before_fit_f1", "after_fit_f1", "played_f1"))
+        row(f"`{entry['twin_params']}`", entry["song"], *f1)
+    off = {key: [abs(float(entry[key]) - float(entry["played_f1"])) for entry in rows] for key in rows[0] if "fit" in key}
+    row("mean, largest difference", "", *(f"{statistics.mean(of):.3f}, {max(of):.3f}" for of in off.values()), "")

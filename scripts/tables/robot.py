@@ -26,7 +26,7 @@ SCORES = [
 # Of the run that measures the lag.
 UNCOMPENSATED = {"right": "matched", "wrong": "wrong", "f1": "f1", "robopianist_f1": "robopianist_f1"}
 NOTES = ["notes_right", "notes_due", "notes_wrong"]
-CELL = "notes right, wrong; onset F1; sent early by; F1; F1 (RoboPianist's rule)"
+F1 = ["F1 (articulated plan)", "F1 (RoboPianist's rule)"]
 # Songs of the tables of twin parameters.
 THREE = ["twinkle", "ode-to-joy", "c-major-scale"]
 
@@ -69,36 +69,28 @@ def robot(options):
     every = ((name, song, mode) for name in options.twin_params for song in songs() for mode in MODES)
     rows = rows_of(options, lambda: (performance(name, song, mode, name, options.runs) for name, song, mode in every))
     rows = [entry for entry in rows if options.by_song in (None, entry["twin_params"])]
-    by_song = bool(options.by_song)
-    cell = CELL if by_song else CELL.replace("sent early by; ", "")
-    first = "song" if by_song else "twin parameters"
-    simulated = "simulation: F1 (articulated plan); F1 (RoboPianist's rule)"
-    head(first, simulated, *(f"{mode}: {cell}" for mode in MODES))
-    for name, of_row in groups(rows, "song" if by_song else "twin_params").items():
-        cells = []
-        for mode in MODES:
-            of_mode = complete(entry for entry in of_row if entry["mode"] == mode)
-            parts = [right_of_due(of_mode), f"{mean_of(of_mode, 'onset_f1'):.3f}"]
-            parts += [early(of_mode)] * by_song
-            parts += [f"{mean_of(of_mode, key):.3f}" for key in ("robot_f1", "robot_robopianist_f1")]
-            cells.append("; ".join(parts))
-        simulated = [f"{mean_of(complete(of_row), key):.3f}" for key in ("sim_f1", "sim_robopianist_f1")]
-        row(name if by_song else f"`{name}`", "; ".join(simulated), *cells)
+    key, first = ("song", "song") if options.by_song else ("twin_params", "twin parameters")
+    head(first, "mode", "notes right, wrong", "onset F1", "sent early by", *F1)
+    for name, of_row in groups(rows, key).items():
+        name = name if options.by_song else f"`{name}`"
+        done = complete(of_row)
+        row(name, "simulation", "", "", "", *(f"{mean_of(done, f1):.3f}" for f1 in ("sim_f1", "sim_robopianist_f1")))
+        for mode, of_mode in groups(done, "mode").items():
+            scores = ("onset_f1", "robot_f1", "robot_robopianist_f1")
+            onset, *f1 = (f"{mean_of(of_mode, score):.3f}" for score in scores)
+            row(name, mode, right_of_due(of_mode), onset, early(of_mode), *f1)
 
 
 @command("uncompensated", ROWS)
 def uncompensated(options):
     """The runs that measure the lag: commands are sent as early as in the training."""
-    head("twin parameters", *(f"{mode}: notes right, wrong; F1; F1 (RoboPianist's rule)" for mode in MODES))
+    head("twin parameters", "mode", "notes right, wrong", *F1)
     for name, of_set in groups(complete(read(options.rows)), "twin_params").items():
-        cells = []
-        for mode in MODES:
-            of_mode = [entry for entry in of_set if entry["mode"] == mode]
+        for mode, of_mode in groups(of_set, "mode").items():
             counts = ("uncompensated_right", "notes_due", "uncompensated_wrong")
             right, due, wrong = (sum_of(of_mode, key) for key in counts)
             f1 = (f"{mean_of(of_mode, f'uncompensated_{key}'):.3f}" for key in ("f1", "robopianist_f1"))
-            cells.append("; ".join([f"{right:.0f} of {due:.0f}, {wrong:.0f}", *f1]))
-        row(f"`{name}`", *cells)
+            row(f"`{name}`", mode, f"{right:.0f} of {due:.0f}, {wrong:.0f}", *f1)
 
 
 @command("drawn", ROWS, MEASURE, runs(2), argument("--count", type=int, default=20, help="of sets to measure"))
