@@ -14,7 +14,7 @@ use etude_robot::allegro::{FULL_SCALE_PWM, JointLoopConfig};
 use etude_robot::rig_file::RigConfig;
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::params::{JointRow, WorldRow};
-use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL};
+use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL, StageConfig};
 
 use crate::space::{Parameter, Scale};
 
@@ -22,16 +22,13 @@ use crate::space::{Parameter, Scale};
 enum Bounds {
     /// The value divided and multiplied by this; on a logarithmic scale.
     Factor(f64),
-    /// As `Factor` with the first value, about the second if that is lower, where a change still
-    /// shows.
-    FactorBelow(f64, f64),
     /// Between these two, starting at the third where the value is the least.
     Between(f64, f64, f64),
     /// The value plus and minus this.
     Around(f64),
 }
 
-use Bounds::{Around, Between, Factor, FactorBelow};
+use Bounds::{Around, Between, Factor};
 
 /// Parameters of a finger joint. Dry friction: up to a tenth of the joint's torque.
 const FINGER: &[(JointRow, Bounds)] = &[
@@ -51,10 +48,14 @@ const FINGER: &[(JointRow, Bounds)] = &[
     // Étude's own shaping has it. With wide bounds a fit takes it for what slows the joint down.
     (JointRow::LowPass, Factor(2.5)),
     (JointRow::Delay, Between(0.0, 0.05, 0.0025)),
-    // The default is the acceleration limit within one physics step. A fit that began there would
-    // not see a slower drive.
-    (JointRow::JerkLimit, FactorBelow(8.0, 50_000.0)),
+    // About `JERK_SHARE`.
+    (JointRow::JerkLimit, Factor(8.0)),
 ];
+
+/// Where a finger's jerk limit starts at most, as a share of the jerk that reaches the acceleration
+/// limit within one physics step. A fit that began there would not see a slower drive; its bounds
+/// reach beyond it.
+const JERK_SHARE: f64 = 50.0 / 380.0;
 
 /// Viscosity of a finger joint at the start of a fit, N·m·s/rad: a motor of 1 N·m at full duty that
 /// turns at 10 rad/s without load. A fit that begins far below takes the low-pass for what slows
@@ -98,7 +99,6 @@ fn parameter(path: String, range: [f64; 2], before: f64, bounds: &Bounds) -> Par
     };
     match *bounds {
         Factor(factor) => factored(factor, before),
-        FactorBelow(factor, max) => factored(factor, before.min(max)),
         Between(least, most, start) => {
             Parameter::new(&path, least, most, if before > least { before.min(most) } else { start })
         }
@@ -113,9 +113,20 @@ pub fn joint_parameters(joint: usize, before: &PhysicalParams) -> Vec<Parameter>
         .map(|(quantity, bounds)| {
             let row = quantity.row();
             let path = format!("joint.{}.{}", JOINT_NAMES[joint], row.name);
-            parameter(path, row.range, before.joint(*quantity, joint), bounds)
+            let value = before.joint(*quantity, joint);
+            let start = match quantity {
+                JointRow::JerkLimit if joint != RAIL => value.min(JERK_SHARE * jerk_of_a_step(before, joint)),
+                _ => value,
+            };
+            parameter(path, row.range, start, bounds)
         })
         .collect()
+}
+
+/// The jerk with which a joint's reference reaches its acceleration limit within a physics step:
+/// higher limits are the same.
+fn jerk_of_a_step(params: &PhysicalParams, joint: usize) -> f64 {
+    params.joint(JointRow::AccelerationLimit, joint) / StageConfig::default().physics_step_secs()
 }
 
 /// Parameters of the keyboard, and the encoder biases of the fingers.
@@ -204,6 +215,20 @@ mod tests {
         follow_stiffness(&params, &mut stronger);
         let followed = rows.map(|row| stronger.joint(row, 4) / params.joint(row, 4));
         assert!(followed.iter().all(|share| (share - 0.8).abs() < 1e-12), "{followed:?}");
+    }
+
+    /// Else the fit of a quick rig could not find how it shapes commands itself.
+    #[test]
+    fn the_jerk_limit_of_any_rig_is_within_its_bounds() {
+        let mut quick = PhysicalParams::default();
+        for (row, most) in [(JointRow::AccelerationLimit, 5000.0), (JointRow::JerkLimit, 1e6)] {
+            quick.set_joint(row, 1, most);
+        }
+        for params in [quick, PhysicalParams::default()] {
+            let jerk = joint_parameters(1, &params).pop().unwrap();
+            let own = params.joint(JointRow::JerkLimit, 1);
+            assert!(jerk.path.ends_with("jerk_limit") && jerk.low < own / 2.0 && jerk.high >= own, "{own}");
+        }
     }
 
     #[test]

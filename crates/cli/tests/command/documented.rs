@@ -14,9 +14,6 @@ const F1: &str = "F1 (articulated plan)";
 /// The sight-reader's table: its beginning, and the column of the shipped policy.
 const SIGHT_HEAD: &str = "| piece | sight-reader:";
 const SIGHT: &str = "sight-reader: notes; onset F1; F1 (articulated plan); F1 (RoboPianist's rule)";
-/// The twin's table: its beginning, and the column of real execution.
-const TWIN_HEAD: &str = "| song | simulation: F1";
-const REAL: &str = "real: notes right, wrong; onset F1; sent early by; F1; F1 (RoboPianist's rule)";
 /// Tolerance of F1 and onset F1.
 const SCORE: f64 = 0.03;
 /// Tolerances of notes right and wrong.
@@ -130,6 +127,13 @@ fn check_notes(table: &Table, player: impl Fn(&str) -> String) {
             "{song}: {due} notes are due"
         );
     }
+}
+
+/// The songs on the twin in real execution.
+fn real_execution() -> Table {
+    let mut table = Table::read("docs/results/twin.md", "| song | mode | notes right, wrong |");
+    table.rows.retain(|row| row[1] == "real");
+    table
 }
 
 fn policies() -> Table {
@@ -255,23 +259,16 @@ fn a_piece_with_dynamics_is_played_soft_and_loud() {
 /// Real execution: notes right of those due, wrong ones; onset F1; the latency compensation; F1.
 #[test]
 fn the_shipped_policies_play_on_the_twin_what_the_documents_say() {
-    let table = Table::read("docs/results/twin.md", TWIN_HEAD);
+    let table = real_execution();
     for song in etude_music::repertoire::ids() {
         let sandbox = Sandbox::new();
-        let parts: Vec<_> = table.text(song, REAL).split("; ").collect();
         let report = sandbox
             .json(&format!("perform {song} --policy {} --robot twin -o out --json", shipped(song).display()));
         let number = |key: &str| report[key].as_f64().unwrap();
-        let (said, latency) = (leading_number(parts[2]), 1e3 * number("latency_compensation_secs"));
-        assert!(
-            (said - latency).abs() <= LATENCY_MS,
-            "{song}: commands are sent {said} ms early, but it is {latency}"
-        );
-        let said = [parts[1], parts[3]].map(leading_number);
-        let played = [number("onset_f1"), number("robot_f1")];
-        let within = |at: usize, most: f64| (said[at] - played[at]).abs() <= most;
-        assert!(within(0, 2.0 * SCORE) && within(1, SCORE), "{song}: {said:?}, but it is {played:?}");
-        let [right, wrong] = right_and_wrong(parts[0]);
+        table.check(song, "sent early by", 1e3 * number("latency_compensation_secs"), LATENCY_MS);
+        table.check(song, "onset F1", number("onset_f1"), 2.0 * SCORE);
+        table.check(song, F1, number("robot_f1"), SCORE);
+        let [right, wrong] = right_and_wrong(table.text(song, "notes right, wrong"));
         assert!(
             (right - number("notes_right")).abs() <= RIGHT,
             "{song}: {right} right, but {}",
@@ -297,11 +294,10 @@ fn the_sums_in_the_documents_are_those_of_the_tables() {
     let [right, wrong] = ["notes right", "wrong"].map(|column| sum(&songs, column));
     let [five_right, five_wrong] = ["notes right", "wrong"].map(|column| sum(paper, column));
     // In real execution.
-    let twin = Table::read("docs/results/twin.md", TWIN_HEAD);
+    let twin = real_execution();
     let on_twin = PAPER_SONGS.map(|song| {
-        let parts: Vec<_> = twin.text(song, REAL).split("; ").collect();
-        let [right, wrong] = right_and_wrong(parts[0]);
-        [right, wrong, leading_number(parts[3])]
+        let [right, wrong] = right_and_wrong(twin.text(song, "notes right, wrong"));
+        [right, wrong, twin.number(song, F1)]
     });
     let twin_sum = |column: usize| on_twin.iter().map(|song| song[column]).sum::<f64>();
     let (twin_right, twin_wrong, twin_f1) = (twin_sum(0), twin_sum(1), twin_sum(2) / on_twin.len() as f64);
