@@ -7,9 +7,10 @@ import json
 import pathlib
 import random
 import statistics
+import sys
 import tomllib
 
-from tables.common import ROOT, Stopped, argument, command, head, row, say
+from tables.common import ROOT, Stopped, argument, command, head, number, read, row, say
 
 NOTES = ("notes_right", "notes_due", "notes_wrong")
 LABELS = ["variant", "mode", "twin_params", "song", "seed", "iteration"]
@@ -228,3 +229,48 @@ def after_iteration(options):
                 f"{onset_f1:.3f}",
                 f"{right:.1f} of {due:.0f}, {wrong:.1f}",
             )
+
+
+LOOP = ["notes_right", "notes_due", "notes_wrong", "sim_robopianist_f1", "robot_robopianist_f1"]
+FIT = [("held_out_before", "held_out_after"), ("before_fit_f1", "after_fit_f1")]
+
+
+@command("loop-rows", argument("rehearsals", nargs="+", type=pathlib.Path, help="folders of `etude rehearse`"))
+def loop_rows(options):
+    """The iterations of rehearsals as CSV, in the order of the folders."""
+    rows = []
+    for folder in options.rehearsals:
+        config = json.loads((folder / "rehearsal.json").read_text())
+        labels = {key: config[key] for key in ("song", "twin_params", "fit", "seed", "runs")}
+        for iteration in range(config["iterations"] + 1):
+            if not (file := folder / f"iteration-{iteration}" / "iteration.json").is_file():
+                break
+            result = json.loads(file.read_text())
+            errors = result["held_out_rad"] or ["", ""]
+            predicted = result["prediction"] or {}
+            entry = labels | {"iteration": iteration} | {key: result[key] for key in LOOP}
+            rows.append(entry | dict(zip(FIT[0], errors)) | {key: predicted.get(key, "") for key in FIT[1]})
+    writer = csv.DictWriter(sys.stdout, rows[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({key: number(value) for key, value in entry.items()} for entry in rows)
+
+
+@command("loop", argument("rows", type=pathlib.Path, help="CSV file of loop-rows"))
+def loop(options):
+    """F1 on the twin iteration by iteration, and what the fit before it was worth.
+
+    A prediction is of the policy of the iteration before.
+    """
+    head(
+        "twin parameters, song", "fit", "iteration", "F1 (RoboPianist's rule), simulation", "twin", "notes right, wrong",
+        "held-out error before and after the fit, mrad", "unfitted", "fitted",
+    )
+    for entry in read(options.rows):
+        numbers = {key: float(value) for key, value in entry.items() if key in (*LOOP, *FIT[0], *FIT[1]) and value}
+        f1 = (f"{numbers[key]:.3f}" for key in LOOP[3:])
+        error, guess = ([numbers.get(key) for key in keys] for keys in FIT)
+        errors = "–" if None in error else "{:.1f}, {:.1f}".format(*(1e3 * value for value in error))
+        guesses = ("–" if value is None else f"{value:.3f}" for value in guess)
+        notes = f"{numbers['notes_right']:g} of {numbers['notes_due']:g}, {numbers['notes_wrong']:g}"
+        labels = (f"`{entry['twin_params']}`, {entry['song']}", f"`{entry['fit']}`", entry["iteration"])
+        row(*labels, *f1, notes, errors, *guesses)

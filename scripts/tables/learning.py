@@ -81,6 +81,7 @@ def time_to(level, curves):
     argument("--best-by", default="overall", help="the score that chooses the policy: overall (F1 and onset F1) or f1"),
     argument("--level", type=float, default=0.9, help="the F1 whose first evaluation is counted"),
     argument("--last", type=int, default=5, help="how many of the last evaluations are averaged"),
+    argument("--all", action="store_true", help="a last row with the means of all trainings"),
 )
 def learning(options):
     """Scores and times of trainings, from their curves. Times include start and evaluations."""
@@ -89,13 +90,14 @@ def learning(options):
         name, "seeds", f"F1 ({options.rule}) of the best policy: mean (each)", "its notes right, wrong", "its onset F1",
         f"last {NUMBERS.get(options.last, options.last)}: F1", f"F1 {options.level:g} after", "steps", "time",
     )
-    for label, runs in curves.items():
+    means = [("all", sum(curves.values(), []))] if options.all else []
+    for label, runs in [*curves.items(), *means]:
         kept = [best(rows, options.best_by) for rows in runs]
         f1 = [float(row["f1"]) for row in kept]
         row(
             label,
             len(runs),
-            f"{statistics.mean(f1):.3f} ({', '.join(f'{one:.3f}' for one in f1)})" if len(f1) > 1 else f"{f1[0]:.3f}",
+            f"{statistics.mean(f1):.3f} ({', '.join(f'{one:.3f}' for one in f1)})" if 1 < len(f1) and label != "all" else mean(f1),
             notes_of(kept),
             mean(float(row["onset_f1"]) for row in kept),
             mean(float(row["f1"]) for rows in runs for row in rows[-options.last :]),

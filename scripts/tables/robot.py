@@ -58,7 +58,7 @@ def complete(rows):
     MEASURE,
     runs(1),
     argument("--twin-params", nargs="+", default=["standard", "worn", "mild", "ideal"], help="to measure"),
-    argument("--by-song", metavar="TWIN_PARAMS", help="the songs on this parameter set"),
+    argument("--by-song", metavar="TWIN_PARAMS", help="the songs on this parameter set, in real execution"),
 )
 def robot(options):
     """Every built-in song in every mode on the twin.
@@ -68,14 +68,13 @@ def robot(options):
     """
     every = ((name, song, mode) for name in options.twin_params for song in songs() for mode in MODES)
     rows = rows_of(options, lambda: (performance(name, song, mode, name, options.runs) for name, song, mode in every))
-    rows = [entry for entry in rows if options.by_song in (None, entry["twin_params"])]
+    if options.by_song:
+        rows = [entry for entry in rows if (entry["twin_params"], entry["mode"]) == (options.by_song, "real")]
     key, first = ("song", "song") if options.by_song else ("twin_params", "twin parameters")
     head(first, "mode", "notes right, wrong", "onset F1", "sent early by", *F1)
     for name, of_row in groups(rows, key).items():
         name = name if options.by_song else f"`{name}`"
-        done = complete(of_row)
-        row(name, "simulation", "", "", "", *(f"{mean_of(done, f1):.3f}" for f1 in ("sim_f1", "sim_robopianist_f1")))
-        for mode, of_mode in groups(done, "mode").items():
+        for mode, of_mode in groups(complete(of_row), "mode").items():
             scores = ("onset_f1", "robot_f1", "robot_robopianist_f1")
             onset, *f1 = (f"{mean_of(of_mode, score):.3f}" for score in scores)
             row(name, mode, right_of_due(of_mode), onset, early(of_mode), *f1)

@@ -329,6 +329,29 @@ fn the_sums_in_the_documents_are_those_of_the_tables() {
     assert_eq!(readme.text(shipped, rule), format!("{by_rule:.3}"));
 }
 
+/// What the front pages say of the paper's method and of ours beside it is what the rows say.
+#[test]
+fn the_front_pages_say_of_the_papers_method_what_was_measured() {
+    let table = Table::of_any_rows("docs/results/paper.md", "| song | seeds | F1 (RoboPianist's rule)");
+    let best = table.text("all", "F1 (RoboPianist's rule) of the best policy: mean (each)");
+    let last = table.text("all", "last twenty: F1");
+    // Rows of song, seed, step, F1: the first step at which the mean is the paper's.
+    let mut by_step = std::collections::BTreeMap::<u32, Vec<f64>>::new();
+    for line in document("docs/results/data/songs/course.csv").lines().skip(1) {
+        let row: Vec<_> = line.split(',').collect();
+        by_step.entry(row[2].parse().unwrap()).or_default().push(row[3].parse().unwrap());
+    }
+    let reached = |f1: &Vec<f64>| f1.len() == 15 && f1.iter().sum::<f64>() / 15.0 >= 0.946;
+    let (step, _) = by_step.iter().find(|(_, f1)| reached(f1)).expect("the mean reaches it");
+    for (name, said) in [
+        ("README.md", format!("of the five songs have F1 {best}, the last evaluations {last} (one seed")),
+        ("README.md", format!("0.946 by the same rule after {},000 steps", step / 1000)),
+        ("docs/introduction.md", format!("| | {best} |")),
+    ] {
+        assert!(unwrapped(name).contains(&said), "{name} does not say `{said}`");
+    }
+}
+
 /// The table is the one place for what a shipped policy plays; its file says the same.
 #[test]
 fn the_files_of_the_shipped_policies_claim_what_the_documents_say() {

@@ -165,6 +165,8 @@ mod tests {
         paper.task.physics.clear();
         paper.task.randomisation.intensity = 0.0;
         (paper.task.previous_joints, paper.task.previous_actions) = (true, 0);
+        paper.task.rail_set_point = false;
+        paper.task.reward.insert("action_change".to_string(), 0.02);
         assert_eq!(paper, RunConfig::default());
     }
 
@@ -251,7 +253,7 @@ mod tests {
             .map(|(name, weight)| (name.as_str(), *weight))
             .collect();
         let published = [
-            ("action_change", 0.02),
+            ("action_change", 1.0),
             ("collision", 1.0),
             ("energy", 0.005),
             ("key_press", 1.0),
