@@ -178,7 +178,7 @@ impl Robot {
 
     /// Whether a finger among the keys is dragged along.
     fn interlock(&self, now: Duration) -> Interlock {
-        Interlock::new(&self.hand, &self.set_points.reference(now))
+        Interlock::new(&self.hand, &self.set_points.reference(now), now)
     }
 
     /// Gives the arm the next target if it can be sent now.

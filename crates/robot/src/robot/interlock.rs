@@ -6,6 +6,8 @@
 //! four. Up to that joint's stop the key bears what the joint's torque clamp allows, some 3 N; at
 //! the stop it bears the arm.
 
+use std::time::Duration;
+
 use super::rail_arm::RailArm;
 use crate::allegro::{Hand, JOINT_LIMITS_RAD, PLAYING, TIP_RADIUS_M, WIRE_JOINTS, tip_depths};
 use crate::limiter::{Axis, Clamp};
@@ -17,9 +19,9 @@ const MAX_AHEAD_M: f64 = 0.06;
 /// Height of the fingers' roots over the tops of the white keys when the arm is on its path, m
 /// (lasr-lab/learning-to-play-piano; the keys are 22.5 mm high there).
 pub const ROOTS_OVER_KEYS_M: f64 = 0.12 - 0.0225;
-/// A fingertip that is so far below the tops of the resting white keys is among them, m: a white
-/// key sounds there where it is played.
-const AMONG_KEYS_M: f64 = 0.003;
+/// A fingertip that is so far below the tops of the resting white keys may be among them, m: half
+/// of where a white key sounds, since the encoders' biases and play are 2 mm at the fingertip.
+const AMONG_KEYS_M: f64 = 0.0015;
 /// A finger among the keys whose roll joint is so far from its reference is dragged along, rad: the
 /// joint loop then pushes with all that its clamp allows (375 of 3600 PWM a rad), and the stop is
 /// 0.47 rad from the middle.
@@ -37,11 +39,14 @@ pub(super) struct Interlock {
     /// How far the hand may move on toward the low and toward the high notes, m: a finger that it
     /// drags that way stays where it is.
     ways_m: [f64; 2],
+    /// How old the angles are from which they follow, s: the hand has moved on since.
+    age_secs: f64,
 }
 
 impl Interlock {
-    pub fn new(hand: &Hand, reference: &[f64; WIRE_JOINTS]) -> Self {
-        Self::of(&hand.positions(), reference)
+    pub fn new(hand: &Hand, reference: &[f64; WIRE_JOINTS], now: Duration) -> Self {
+        let age = hand.positions_at().map_or(Duration::ZERO, |at| now.saturating_sub(at));
+        Self { age_secs: age.as_secs_f64(), ..Self::of(&hand.positions(), reference) }
     }
 
     fn of(positions: &[f64; WIRE_JOINTS], reference: &[f64; WIRE_JOINTS]) -> Self {
@@ -62,7 +67,7 @@ impl Interlock {
                 ways_m[1] = ways_m[1].min(to_high);
             }
         }
-        Self { ways_m }
+        Self { ways_m, age_secs: 0.0 }
     }
 
     /// Why the rail's set-point brakes now instead of moving toward `asked_m`.
@@ -86,7 +91,8 @@ impl Interlock {
         let mut next = axis.clone();
         next.step(asked_m);
         let moves_m = next.position() - axis.position();
-        (next.stop_position() - at_m) * moves_m.signum() > self.ways_m[usize::from(moves_m > 0.0)]
+        let was_at_m = at_m - axis.velocity() * self.age_secs;
+        (next.stop_position() - was_at_m) * moves_m.signum() > self.ways_m[usize::from(moves_m > 0.0)]
     }
 }
 
@@ -137,7 +143,7 @@ mod tests {
     fn the_rail_brakes_where_it_can_still_stop_and_may_go_back() {
         let limits = AxisLimits { position: [-0.3, 0.3], velocity: 0.8, acceleration: 7.5, jerk: 1500.0 };
         let mut axis = Axis::at_rest(limits, 0.005, 0.0);
-        let interlock = Interlock { ways_m: [f64::INFINITY, 0.04] };
+        let interlock = Interlock { ways_m: [f64::INFINITY, 0.04], age_secs: 0.0 };
         let begun = axis.position();
         for _ in 0..200 {
             if interlock.drags(&axis, 0.3, begun) {
@@ -148,6 +154,21 @@ mod tests {
         }
         assert!((0.039..0.041).contains(&axis.position()), "{} m", axis.position());
         assert!(!interlock.drags(&axis, -0.1, 0.0));
-        assert!(Interlock { ways_m: [0.1, -0.01] }.drags(&Axis::at_rest(limits, 0.005, 0.0), 0.1, 0.0));
+        let at_stop = Interlock { ways_m: [0.1, -0.01], age_secs: 0.0 };
+        assert!(at_stop.drags(&Axis::at_rest(limits, 0.005, 0.0), 0.1, 0.0));
+    }
+
+    /// A hand that sends no more angles: the way that is left shrinks while it moves on.
+    #[test]
+    fn old_angles_leave_less_way() {
+        let limits = AxisLimits { position: [-0.3, 0.3], velocity: 0.8, acceleration: 7.5, jerk: 1500.0 };
+        let mut axis = Axis::at_rest(limits, 0.005, 0.0);
+        (0..20).for_each(|_| _ = axis.step(0.3));
+        let stop_m = axis.stop_position() - axis.position();
+        let drags = |age_secs: f64| {
+            let interlock = Interlock { ways_m: [f64::INFINITY, stop_m + 0.02], age_secs };
+            interlock.drags(&axis, 0.3, axis.position())
+        };
+        assert!(!drags(0.0) && drags(0.03), "{} m/s", axis.velocity());
     }
 }
