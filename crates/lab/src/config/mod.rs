@@ -166,7 +166,7 @@ mod tests {
         paper.task.randomisation.intensity = 0.0;
         (paper.task.previous_joints, paper.task.previous_actions) = (true, 0);
         paper.task.rail_set_point = false;
-        paper.task.reward.insert("action_change".to_string(), 0.02);
+        paper.task.reward.clear();
         assert_eq!(paper, RunConfig::default());
     }
 

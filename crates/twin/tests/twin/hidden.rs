@@ -91,6 +91,8 @@ fn what_is_kept_has_the_name_of_the_parameter_set_alone() {
             "config.twin_params.as_deref()",
             "twin_params.to_string()",
             "perform.twin_params.iter()",
+            "rehearse.twin_params.iter()",
+            "twin_params.is_empty()",
             "variant.twin_params.clone()",
         ];
         assert!(allowed.iter().any(|call| line.contains(call)), "{line}");
