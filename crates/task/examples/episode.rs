@@ -15,14 +15,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [song, seed, steps] = arguments.as_slice() else { return Err("episode SONG SEED STEPS".into()) };
     // The preset `paper`, whose world is the Python environments' default.
-    let references = [("velocity", 50.0), ("acceleration", 5_000.0), ("jerk", 1_000_000.0)]
-        .map(|(name, limit)| (format!("joint.fingers.{name}_limit"), limit));
-    let mut config = TaskConfig {
-        previous_joints: false,
-        previous_actions: 1,
-        physics: references.into(),
-        ..TaskConfig::default()
-    };
+    let mut preset: toml::Table = include_str!("../../../configs/presets/paper.toml").parse()?;
+    let mut config: TaskConfig = preset.remove("task").ok_or("no [task]")?.try_into()?;
     config.randomisation.intensity = 0.5;
     let piece = Piece::for_task(&etude_music::resolve(song)?, &config)?;
     let mut environment = Environment::new(&config, &piece, seed.parse()?)?;

@@ -135,7 +135,7 @@ impl Rehearsal<'_> {
             let errors = report.held_out_errors;
             held_out_rad = (!errors.joints.is_empty()).then_some(errors.fingers);
             physics = report.identified.physics;
-            prediction = Some(Prediction::of(self.song, before, &physics)?);
+            prediction = Some(Prediction::of(self.song, &before.policy, &before.scores, &physics)?);
             layer = Some(report.file);
         }
         let policy = match (&self.config.policy, best_iteration(earlier)) {

@@ -1,14 +1,15 @@
 //! How well a fit predicts what a robot plays.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use etude_music::Song;
 use etude_task::{RandomisationConfig, Widths};
 use serde::{Deserialize, Serialize};
 
-use super::iteration::Iteration;
 use crate::pianist::{Pianist, load_pianist};
 use crate::play::scores_in_worlds;
+use crate::robot::RobotScores;
 use crate::song_planner::SongPlanner;
 
 /// Worlds about a simulator in which a prediction plays. A policy outside the world of its training
@@ -35,24 +36,25 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Of the policy of the iteration `before`, by a fit to `physics`.
+    /// Of a policy that a robot played with `scores`, by a fit to `physics`.
     ///
     /// # Errors
     /// If the policy cannot be read, or the song cannot be planned for it.
     pub(super) fn of(
         song: &Song,
-        before: &Iteration,
+        policy: &Path,
+        scores: &RobotScores,
         physics: &BTreeMap<String, f64>,
     ) -> anyhow::Result<Self> {
-        let mut pianist = load_pianist(&before.policy)?;
-        pianist.config.task.key_schedule.latency_compensation_secs = before.scores.latency_compensation_secs;
+        let mut pianist = load_pianist(policy)?;
+        pianist.config.task.key_schedule.latency_compensation_secs = scores.latency_compensation_secs;
         let fitted = pianist.config.task.physics.clone().into_iter().chain(physics.clone()).collect();
         let before_fit_f1 = mean_f1(&pianist, song, physics)?;
         pianist.config.task.physics = fitted;
         Ok(Self {
             before_fit_f1,
             after_fit_f1: mean_f1(&pianist, song, physics)?,
-            played_f1: before.scores.robot_f1,
+            played_f1: scores.robot_f1,
         })
     }
 }
@@ -83,7 +85,6 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::robot::RobotScores;
 
     /// Of a fit that finds keys which sound late, on a robot that played what it then predicts.
     #[test]
@@ -91,18 +92,9 @@ mod tests {
         let policy = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../policies/twinkle.safetensors");
         let song = etude_music::resolve("twinkle").unwrap();
         let scores = RobotScores { robot_f1: 0.75, ..RobotScores::default() };
-        let before = Iteration {
-            iteration: 0,
-            scores,
-            held_out_rad: None,
-            prediction: None,
-            policy,
-            recordings: Vec::new(),
-            physics: BTreeMap::new(),
-        };
         let predicted = |physics: &[(&str, f64)]| {
             let physics = physics.iter().map(|(path, value)| (path.to_string(), *value)).collect();
-            Prediction::of(&song, &before, &physics).unwrap()
+            Prediction::of(&song, &policy, &scores, &physics).unwrap()
         };
         // No number is fitted: all worlds are that of the training.
         let same = predicted(&[]);
