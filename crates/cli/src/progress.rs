@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use etude_experiment::ATTENDED;
-use etude_lab::Run;
+use etude_lab::Training;
 use etude_learn::{EvaluationRow, LogRow, Score, StopReason, TrainingObserver};
 use etude_perform::{LEARNED_F1, NoteCounts};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -89,7 +89,7 @@ pub struct Progress {
 
 impl Progress {
     /// Progress of `run`, with a time `limit`. `quiet` writes nothing.
-    pub fn new(run: &Run, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
+    pub fn new(run: &Training, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
         Self {
             stop,
             limit,

@@ -3,6 +3,7 @@
 
 mod config;
 mod curves;
+mod duration;
 mod figures;
 mod local;
 mod outcome;
@@ -20,6 +21,7 @@ mod trial_plan_file;
 pub use config::{
     Experiment, FigureConfig, FigureKind, FitConfig, PerformConfig, Published, RehearseConfig, Variant, names,
 };
+pub use duration::WorkEstimate;
 pub use local::{ATTENDED, BUSY, LOG, Launch, LocalConfig, launch_local};
 pub use outcome::{ResultRow, TrialEnd, TrialProgress, TrialResult, TrialState, TrialTimes, Values};
 pub use report::{ReportPage, write_report};

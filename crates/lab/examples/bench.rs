@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use etude_lab::{Run, SIGHT_READER, SongPlanner, load_pianist, resolve, shipped_policy};
+use etude_lab::{SIGHT_READER, SongPlanner, Training, load_pianist, resolve, shipped_policy};
 use etude_learn::bench::update_rate;
 use etude_learn::{Arithmetic, DroqConfig, StopReason, TrainingObserver};
 use etude_music::{KeySet, Song};
@@ -122,7 +122,7 @@ fn training_rate(song: &Song, arithmetic: Arithmetic, threads: usize, secs: f64)
     let limit = Duration::from_secs_f64(secs);
     let mut timer = StepTimer { warmup_steps, limit, steps: 0, began: Instant::now(), took: Duration::ZERO };
     let folder = scratch.path().join("run");
-    Run::start(Some(song.clone()), config, &folder, "bench", None, &mut SongPlanner::default())?
+    Training::start(Some(song.clone()), config, &folder, "bench", None, &mut SongPlanner::default())?
         .run(&mut timer)?;
     Ok((timer.steps - warmup_steps) as f64 / timer.took.as_secs_f64())
 }

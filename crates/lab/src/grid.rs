@@ -52,7 +52,7 @@ pub struct GridScores {
     /// Strokes that play no note of the song.
     pub notes_wrong: f64,
     /// Median of how late the right notes are, s; none without one.
-    pub late_secs: Option<f64>,
+    pub onset_error_secs: Option<f64>,
     /// F1 by control step.
     pub f1: f64,
 }
@@ -150,7 +150,7 @@ pub fn evaluate_grid(
     let nominal = GridScores {
         notes_right: nominal.note.matched as f64,
         notes_wrong: nominal.note.wrong as f64,
-        late_secs: nominal.note.onset_error_median_secs,
+        onset_error_secs: nominal.note.onset_error_median_secs,
         f1: nominal.frame.f1,
     };
     let paths: Vec<String> = randomisation.paths().collect();
@@ -169,7 +169,7 @@ pub fn evaluate_grid(
         0 => nominal,
         count => {
             let [notes_right, notes_wrong, f1] = [&right, &wrong, &sorted_f1].map(|all| mean(&all[..count]));
-            GridScores { notes_right, notes_wrong, late_secs: None, f1 }
+            GridScores { notes_right, notes_wrong, onset_error_secs: None, f1 }
         }
     };
     let late: Vec<f64> =
@@ -180,7 +180,7 @@ pub fn evaluate_grid(
         grid: *grid,
         notes_due: piece.notes().len(),
         nominal,
-        mean: GridScores { late_secs: (!late.is_empty()).then(|| mean(&late)), ..worst(f1.len()) },
+        mean: GridScores { onset_error_secs: (!late.is_empty()).then(|| mean(&late)), ..worst(f1.len()) },
         worst_decile: worst(f1.len().div_ceil(10)),
         worst: worst(1),
         marginals: marginals(&paths, &middle, &values, &f1),

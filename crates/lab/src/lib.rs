@@ -24,8 +24,8 @@ mod record;
 mod rehearse;
 mod results;
 mod robot;
-mod run;
 mod song_planner;
+mod training;
 mod training_progress;
 mod warm_start;
 mod within_limits;
@@ -53,8 +53,8 @@ pub use results::{LATEST, all_results, folder_of_song, is_other_result, latest_r
 pub use robot::{
     MeanNotes, RobotPlay, RobotReport, RobotRun, RobotScores, RobotStep, play_on_robot, run_file,
 };
-pub use run::{Run, find_song};
 pub use song_planner::SongPlanner;
+pub use training::{Training, find_song};
 pub use training_progress::TrainingProgress;
 pub use warm_start::beginning_with;
 pub use within_limits::{Remedy, TooFast, too_fast};

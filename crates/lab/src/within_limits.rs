@@ -131,10 +131,10 @@ fn notes_right(
     let mut rig = SimRig::in_world(task, piece, &params)?;
     let mut ready = pianist.ready(task, piece, planner.on_progress())?;
     let played = perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.notes();
-    let late_secs = note_scores(piece.notes(), &played).lag_secs.unwrap_or(0.0);
-    let late_secs = late_secs.clamp(0.0, MAX_LATENCY_COMPENSATION_SECS);
+    let lag_secs = note_scores(piece.notes(), &played).lag_secs.unwrap_or(0.0);
+    let lag_secs = lag_secs.clamp(0.0, MAX_LATENCY_COMPENSATION_SECS);
     let earlier = |note: &Note| {
-        let [start_secs, end_secs] = [note.start_secs, note.end_secs].map(|secs| secs - late_secs);
+        let [start_secs, end_secs] = [note.start_secs, note.end_secs].map(|secs| secs - lag_secs);
         Note { start_secs, end_secs, ..*note }
     };
     let early: Vec<Note> = played.iter().map(earlier).collect();

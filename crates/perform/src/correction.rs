@@ -36,7 +36,7 @@ pub struct Correction {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Delays {
     /// How late every joint should be, s: its path is that of the set-points, later by this.
-    pub late_secs: f64,
+    pub common_lag_secs: f64,
     /// How late each joint follows its set-points, s. What it missed is corrected earlier by that.
     pub lag_secs: [f64; DRIVEN_JOINTS],
 }
@@ -76,10 +76,10 @@ impl Tracking {
         self
     }
 
-    /// What a joint missed if it should be late by `late_secs`: root mean square, rad, the rail in
+    /// What a joint missed if it should be late by `common_lag_secs`: root mean square, rad, the rail in
     /// m.
-    pub fn error(&self, joint: usize, late_secs: f64) -> f64 {
-        let (mean, variance) = self.missed(joint, ticks(late_secs));
+    pub fn error(&self, joint: usize, common_lag_secs: f64) -> f64 {
+        let (mean, variance) = self.missed(joint, ticks(common_lag_secs));
         (variance + mean * mean).sqrt()
     }
 
@@ -100,8 +100,8 @@ impl Tracking {
     pub fn delays(&self) -> Delays {
         let lags: [Option<f64>; DRIVEN_JOINTS] = std::array::from_fn(|joint| self.lag_secs(joint));
         let fingers = sorted(lags[..RAIL].iter().flatten().copied());
-        let late_secs = fingers.get(fingers.len() / 2).copied().unwrap_or(0.0);
-        Delays { late_secs, lag_secs: lags.map(|lag| lag.unwrap_or(late_secs)) }
+        let common_lag_secs = fingers.get(fingers.len() / 2).copied().unwrap_or(0.0);
+        Delays { common_lag_secs, lag_secs: lags.map(|lag| lag.unwrap_or(common_lag_secs)) }
     }
 
     /// Mean and variance of what a joint missed if it should be `late` physics steps late.
@@ -177,7 +177,7 @@ impl Correction {
         let length = run.asked.len();
         let mut offsets = vec![[0.0; DRIVEN_JOINTS]; length];
         for joint in 0..DRIVEN_JOINTS {
-            let (late, lag) = (ticks(delays.late_secs), ticks(delays.lag_secs[joint]));
+            let (late, lag) = (ticks(delays.common_lag_secs), ticks(delays.lag_secs[joint]));
             let missed = |tick: usize| {
                 let tick = (tick + lag).min(length - 1);
                 run.asked[tick.saturating_sub(late)][joint] - run.measured[tick][joint]
@@ -282,13 +282,13 @@ mod tests {
         }
         assert_eq!(first.lag_secs(0), None, "it does not move");
         let delays = first.delays();
-        assert_eq!(delays.lag_secs[0], delays.late_secs, "that of the fingers");
+        assert_eq!(delays.lag_secs[0], delays.common_lag_secs, "that of the fingers");
         for _ in 0..8 {
             correction = correction.after(&play(&asked, &correction), &delays);
         }
         let last = play(&asked, &correction);
         for joint in 0..DRIVEN_JOINTS {
-            let errors = [&first, &last].map(|run| run.error(joint, delays.late_secs));
+            let errors = [&first, &last].map(|run| run.error(joint, delays.common_lag_secs));
             assert!(errors[1] < 0.4 * errors[0], "{joint}: {errors:?}");
         }
     }
@@ -296,7 +296,7 @@ mod tests {
     #[test]
     fn a_correction_begins_at_rest_and_ends_with_the_song() {
         let asked = song();
-        let delays = Delays { late_secs: 0.0, lag_secs: [0.08; DRIVEN_JOINTS] };
+        let delays = Delays { common_lag_secs: 0.0, lag_secs: [0.08; DRIVEN_JOINTS] };
         let correction = Correction::default().after(&play(&asked, &Correction::default()), &delays);
         assert_eq!(correction.len(), STEPS * PHYSICS_STEPS);
         assert_eq!(correction.offsets[0], [0.0; DRIVEN_JOINTS]);
@@ -313,14 +313,14 @@ mod tests {
         #[test]
         fn set_points_stay_in_the_ranges_of_the_joints(
             places in prop::collection::vec(prop::array::uniform13(-3.0..3.0f64), PHYSICS_STEPS),
-            late_secs in 0.0..0.3f64,
+            common_lag_secs in 0.0..0.3f64,
             lag_secs in prop::array::uniform13(0.0..0.3f64),
         ) {
             let asked: Vec<[f64; DRIVEN_JOINTS]> = vec![std::array::from_fn(|joint| joint_range(joint)[1]); PHYSICS_STEPS];
             let run = Tracking { asked, measured: places };
             let mut correction = Correction::default();
             for _ in 0..20 {
-                correction = correction.after(&run, &Delays { late_secs, lag_secs });
+                correction = correction.after(&run, &Delays { common_lag_secs, lag_secs });
             }
             let mut waypoints: Waypoints = std::array::from_fn(|tick| run.asked[tick]);
             correction.add(0, &mut waypoints);

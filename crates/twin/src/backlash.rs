@@ -9,7 +9,7 @@
 use etude_stage::params::JointRow;
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams};
 
-use crate::numbers::{HandParams, STEP};
+use crate::hidden_params::{HandParams, STEP};
 
 /// Where a motor is in the play of its joint.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use etude_robot::allegro::{self, FULL_SCALE_PWM};
 use etude_robot::joints::HAND_DRIVEN_JOINTS;
 use etude_stage::DRIVEN_JOINTS;
 
-use crate::numbers::{FINGER, HandParams, STEP};
+use crate::hidden_params::{FINGER, HandParams, STEP};
 
 /// The drives of the fingers.
 pub(crate) struct Drives {

@@ -10,7 +10,7 @@ use std::time::Duration;
 use etude_music::KEY_COUNT;
 use etude_stage::strike_velocity;
 
-use crate::numbers::{KeyParams, STEP};
+use crate::hidden_params::{KeyParams, STEP};
 
 /// An event of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -13,7 +13,7 @@ use etude_robot::xarm::ArmLinkError;
 use etude_robot::{Pace, Robot};
 
 use crate::error::TwinParamsError;
-use crate::numbers::{LinkParams, STEP};
+use crate::hidden_params::{LinkParams, STEP};
 use crate::twin::{Twin, TwinError};
 
 /// A twin at the other end of a controller's wires.
@@ -68,8 +68,8 @@ impl Lockstep {
     /// If the faults of the links are not valid.
     pub fn new(mut twin: Twin) -> Result<Self, TwinError> {
         let client = twin.devices.arm.connect();
-        let numbers = &twin.twin_params.numbers;
-        let wires = Links::new(&numbers.links, Faults::new(&numbers.faults), twin.twin_params.run_seed())
+        let hidden = &twin.twin_params.hidden;
+        let wires = Links::new(&hidden.links, Faults::new(&hidden.faults), twin.twin_params.run_seed())
             .map_err(TwinParamsError::from)?;
         let reports = ReportKind::Real;
         Ok(Self { twin, reports, wires, client, frames: Vec::new(), bytes: Vec::new() })

@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 
 use etude_stage::geometry::HALF_WIDTH;
 
-use crate::numbers::{ArmParams, Purpose, signed_share};
+use crate::hidden_params::{ArmParams, Purpose, signed_share};
 
 /// How far the hand is off the place that the arm's joints say.
 pub(crate) struct Mount {

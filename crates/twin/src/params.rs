@@ -10,14 +10,14 @@ use etude_emulators::faults::OrderedFault;
 use etude_robot::rig_file::{LimitsConfig, RigConfig};
 
 use crate::error::TwinParamsError;
-use crate::numbers::Numbers;
+use crate::hidden_params::HiddenParams;
 use crate::random;
 
 /// The parameter set of one twin. Its numbers are for the twin alone:
 ///
 /// ```compile_fail,E0616
 /// let twin_params = etude_twin::TwinParams::load("standard").unwrap();
-/// let _ = &twin_params.numbers; // a private field
+/// let _ = &twin_params.hidden; // a private field
 /// ```
 /// ```compile_fail,E0277
 /// let twin_params = etude_twin::TwinParams::load("standard").unwrap();
@@ -31,7 +31,7 @@ use crate::random;
 /// ```
 #[derive(Clone)]
 pub struct TwinParams {
-    pub(crate) numbers: Numbers,
+    pub(crate) hidden: HiddenParams,
     /// Added to the seed of what changes from run to run.
     run: u64,
     /// Limits of its rig, which everybody may know.
@@ -53,7 +53,7 @@ impl TwinParams {
     /// If there is none of these, or it is not sound.
     pub fn load(name: &str) -> Result<Self, TwinParamsError> {
         if let Some(seed) = random::seed(name) {
-            return Ok(Self { numbers: random::draw(seed?)?, run: 0, limits: LimitsConfig::default() });
+            return Ok(Self { hidden: random::draw(seed?)?, run: 0, limits: LimitsConfig::default() });
         }
         let fail = |message: String| TwinParamsError::Read { path: Path::new(name).to_path_buf(), message };
         let text = match BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
@@ -79,10 +79,10 @@ impl TwinParams {
     /// # Errors
     /// If it is not sound.
     pub fn parse(text: &str) -> Result<Self, TwinParamsError> {
-        let numbers: Numbers =
+        let hidden: HiddenParams =
             toml::from_str(text).map_err(|error| TwinParamsError::Text(error.to_string()))?;
-        numbers.check()?;
-        Ok(Self { numbers, run: 0, limits: LimitsConfig::default() })
+        hidden.check()?;
+        Ok(Self { hidden, run: 0, limits: LimitsConfig::default() })
     }
 
     /// The same parameter set with the changes in this TOML text, for tests.
@@ -91,11 +91,11 @@ impl TwinParams {
     /// If the outcome is not sound.
     pub fn with(&self, changes: &str) -> Result<Self, TwinParamsError> {
         let text = |message: String| TwinParamsError::Text(message);
-        let mut table = toml::Table::try_from(&self.numbers).map_err(|error| text(error.to_string()))?;
+        let mut table = toml::Table::try_from(&self.hidden).map_err(|error| text(error.to_string()))?;
         lay_over(&mut table, changes.parse().map_err(|error: toml::de::Error| text(error.to_string()))?);
-        let numbers: Numbers = table.try_into().map_err(|error| text(error.to_string()))?;
-        numbers.check()?;
-        Ok(Self { numbers, ..self.clone() })
+        let hidden: HiddenParams = table.try_into().map_err(|error| text(error.to_string()))?;
+        hidden.check()?;
+        Ok(Self { hidden, ..self.clone() })
     }
 
     /// The same parameter set with more faults.
@@ -104,7 +104,7 @@ impl TwinParams {
     /// If one of them is not valid.
     pub fn with_faults(mut self, more: &[OrderedFault]) -> Result<Self, TwinParamsError> {
         more.iter().try_for_each(OrderedFault::check)?;
-        self.numbers.faults.extend_from_slice(more);
+        self.hidden.faults.extend_from_slice(more);
         Ok(self)
     }
 
@@ -123,7 +123,7 @@ impl TwinParams {
 
     /// This rig, without a feed-forward against gravity if the twin's hand has no weight.
     pub(crate) fn fitting(&self, mut rig: RigConfig) -> RigConfig {
-        if !self.numbers.world.gravity {
+        if !self.hidden.world.gravity {
             rig.joint_loop.gravity_pwm_per_nm = 0.0;
         }
         rig
@@ -131,13 +131,13 @@ impl TwinParams {
 
     /// Its name.
     pub fn name(&self) -> &str {
-        &self.numbers.name
+        &self.hidden.name
     }
 
     /// A number that differs between parameter sets of different content. It reveals nothing of the
     /// content.
     pub fn fingerprint(&self) -> u32 {
-        let text = toml::to_string(&self.numbers).expect("twin parameters are made of TOML values");
+        let text = toml::to_string(&self.hidden).expect("twin parameters are made of TOML values");
         crc32c::crc32c(text.as_bytes())
     }
 
@@ -150,7 +150,7 @@ impl TwinParams {
 
     /// Seed of what changes from run to run.
     pub(crate) fn run_seed(&self) -> u64 {
-        self.numbers.seed.wrapping_add(self.run)
+        self.hidden.seed.wrapping_add(self.run)
     }
 }
 
@@ -189,33 +189,33 @@ mod tests {
     #[test]
     fn the_standard_parameter_set_leaves_nothing_ideal() {
         for name in ["standard", "worn"] {
-            let numbers = TwinParams::load(name).unwrap().numbers;
-            let (hand, keys) = (&numbers.hand, &numbers.keys);
-            assert_eq!(numbers.world.integrator, Integrator::ImplicitFast, "{name}");
-            assert_eq!(numbers.world.cone, Cone::Pyramidal, "{name}");
-            assert_ne!(numbers.params().unwrap(), PhysicalParams::default(), "{name}");
+            let hidden = TwinParams::load(name).unwrap().hidden;
+            let (hand, keys) = (&hidden.hand, &hidden.keys);
+            assert_eq!(hidden.world.integrator, Integrator::ImplicitFast, "{name}");
+            assert_eq!(hidden.world.cone, Cone::Pyramidal, "{name}");
+            assert_ne!(hidden.params().unwrap(), PhysicalParams::default(), "{name}");
             for path in ["joint.index_1.friction", "joint.ring_3.friction"] {
-                assert!(numbers.params().unwrap().get(path).unwrap() > 0.0, "{name} {path}");
+                assert!(hidden.params().unwrap().get(path).unwrap() > 0.0, "{name} {path}");
             }
             let more_than_nothing = [
-                numbers.world.keyboard_yaw_rad.abs(),
-                numbers.params().unwrap().get("joint.index_1.friction_at_rest").unwrap() - 1.0,
+                hidden.world.keyboard_yaw_rad.abs(),
+                hidden.params().unwrap().get("joint.index_1.friction_at_rest").unwrap() - 1.0,
                 hand.encoder_backlash_rad,
                 hand.filter_secs,
                 f64::from(hand.dead_pwm),
                 f64::from(hand.noise_counts),
-                numbers.arm.delay_secs,
-                numbers.arm.sag_m,
-                numbers.arm.error_m,
+                hidden.arm.delay_secs,
+                hidden.arm.sag_m,
+                hidden.arm.error_m,
                 hand.motor_backlash_rad,
                 hand.no_load_rad_per_sec.unwrap(),
-                numbers.params().unwrap().get("key.preload").unwrap(),
+                hidden.params().unwrap().get("key.preload").unwrap(),
                 keys.threshold_spread,
                 keys.stiffness_spread,
                 (keys.travel - 1.0).abs(),
-                numbers.links.can.delay_secs,
-                numbers.links.arm.delay_secs,
-                numbers.links.midi.delay_secs,
+                hidden.links.can.delay_secs,
+                hidden.links.arm.delay_secs,
+                hidden.links.midi.delay_secs,
             ];
             assert!(more_than_nothing.iter().all(|number| *number > 0.0), "{name}: {more_than_nothing:?}");
         }
@@ -264,11 +264,11 @@ mod tests {
         let standard = TwinParams::load("standard").unwrap();
         let changed =
             standard.with("seed = 7\n[links.can]\nloss = 0.25\n[hand]\ntorque_timeout_secs = 0.1").unwrap();
-        let mut expected = standard.numbers.clone();
+        let mut expected = standard.hidden.clone();
         expected.seed = 7;
         expected.links.can.loss = 0.25;
         expected.hand.torque_timeout_secs = Some(0.1);
-        assert_eq!(changed.numbers, expected);
+        assert_eq!(changed.hidden, expected);
         assert!(standard.with("[links.can]\nlost = 1").unwrap_err().to_string().contains("lost"));
     }
 
@@ -277,7 +277,7 @@ mod tests {
         let standard = TwinParams::load("standard").unwrap();
         let third = standard.with_seed_added(1).with_seed_added(2);
         assert_eq!(third.run_seed(), standard.run_seed() + 3);
-        assert_eq!(third.numbers, standard.numbers);
+        assert_eq!(third.hidden, standard.hidden);
         assert_eq!(standard.with_seed_added(u64::MAX).run_seed(), standard.run_seed() - 1);
     }
 }

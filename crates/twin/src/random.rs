@@ -9,7 +9,7 @@ use etude_stage::params::ParamId;
 use etude_stage::{JOINT_NAMES, RAIL};
 
 use crate::error::TwinParamsError;
-use crate::numbers::{FINGER, Numbers, Purpose, signed_share};
+use crate::hidden_params::{FINGER, HiddenParams, Purpose, signed_share};
 
 /// Begins the name of a parameter set that is drawn.
 pub(crate) const RANDOM: &str = "random:";
@@ -101,7 +101,7 @@ pub(crate) fn seed(name: &str) -> Option<Result<u64, TwinParamsError>> {
 
 /// The parameter set that belongs to a seed: the text of its file, and the friction that its dead
 /// bands ask for.
-pub(crate) fn draw(seed: u64) -> Result<Numbers, TwinParamsError> {
+pub(crate) fn draw(seed: u64) -> Result<HiddenParams, TwinParamsError> {
     let release =
         if signed_share(seed, Purpose::TwinParams, RELEASE) < 0.0 { "note_off" } else { "zero_velocity" };
     let mut text = format!(
@@ -128,14 +128,14 @@ pub(crate) fn draw(seed: u64) -> Result<Numbers, TwinParamsError> {
             set(range.path, format!("{:?}", number(0)));
         }
     }
-    let mut numbers: Numbers =
+    let mut hidden: HiddenParams =
         toml::from_str(&text).map_err(|error| TwinParamsError::Text(error.to_string()))?;
     for (joint, band) in dead_bands.into_iter().enumerate() {
-        let friction = numbers.friction_of(joint, band);
-        numbers.physics.insert(format!("joint.{}.friction", JOINT_NAMES[joint]), friction);
+        let friction = hidden.friction_of(joint, band);
+        hidden.physics.insert(format!("joint.{}.friction", JOINT_NAMES[joint]), friction);
     }
-    numbers.check()?;
-    Ok(numbers)
+    hidden.check()?;
+    Ok(hidden)
 }
 
 /// Number of the draw of how releases are coded.
@@ -153,7 +153,7 @@ impl Range {
     }
 }
 
-impl Numbers {
+impl HiddenParams {
     /// Dry friction of a finger joint that stands still below a duty of `dead_band`, N·m.
     fn friction_of(&self, joint: usize, dead_band: f64) -> f64 {
         let hand = &self.hand;
@@ -163,7 +163,7 @@ impl Numbers {
 }
 
 #[cfg(test)]
-impl Numbers {
+impl HiddenParams {
     /// Duty below which a finger joint at rest does not move, in counts of PWM.
     pub(crate) fn dead_band(&self, params: &etude_stage::PhysicalParams, joint: usize) -> f64 {
         let hand = &self.hand;
@@ -182,7 +182,7 @@ mod tests {
     use crate::TwinParams;
 
     /// What a parameter set has in the place of a range.
-    fn sizes(numbers: &Numbers, range: &Range) -> Vec<f64> {
+    fn sizes(numbers: &HiddenParams, range: &Range) -> Vec<f64> {
         let params = numbers.params().unwrap();
         if range.path == DEAD_BAND.path {
             return (0..RAIL).map(|joint| numbers.dead_band(&params, joint)).collect();
@@ -208,7 +208,7 @@ mod tests {
     #[test]
     fn the_standard_the_worn_and_every_drawn_parameter_set_lie_within_the_ranges() {
         let drawn = (0..50).chain([u32::MAX.into()]).map(|seed| draw(seed).unwrap());
-        let built_in = ["standard", "worn"].map(|name| TwinParams::load(name).unwrap().numbers);
+        let built_in = ["standard", "worn"].map(|name| TwinParams::load(name).unwrap().hidden);
         for numbers in built_in.into_iter().chain(drawn) {
             assert!(numbers.world.gravity);
             for range in RANGES {
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn draws_fill_their_ranges_and_are_their_own() {
-        let all: Vec<Numbers> = (1..=40).map(|seed| draw(seed).unwrap()).collect();
+        let all: Vec<HiddenParams> = (1..=40).map(|seed| draw(seed).unwrap()).collect();
         for range in RANGES {
             let [low, high] = range.sizes;
             let shares: Vec<f64> =
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn a_parameter_set_is_drawn_by_name() {
         let twin_params = TwinParams::load("random:7").unwrap();
-        assert_eq!((twin_params.name(), &twin_params.numbers), ("random:7", &draw(7).unwrap()));
+        assert_eq!((twin_params.name(), &twin_params.hidden), ("random:7", &draw(7).unwrap()));
         assert_eq!(twin_params.fingerprint(), TwinParams::load("random:7").unwrap().fingerprint());
         assert_ne!(twin_params.fingerprint(), TwinParams::load("random:8").unwrap().fingerprint());
         assert!(TwinParams::load(&format!("random:{}", u32::MAX)).is_ok());

@@ -21,8 +21,8 @@ use etude_robot::rig_file::{RigConfig, WiresConfig};
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Pace as _, propose_box};
 
+use crate::hidden_params::STEP;
 use crate::lockstep::Lockstep;
-use crate::numbers::STEP;
 use crate::params::TwinParams;
 use crate::twin::{Twin, TwinError, calibration};
 

@@ -27,9 +27,9 @@ use etude_stage::{DRIVEN_JOINTS, Side, StageConfig, StageError, World};
 use crate::backlash::Backlash;
 use crate::drives::{Drives, Encoders};
 use crate::error::TwinParamsError;
+use crate::hidden_params::STEP;
 use crate::keys::{KeyEvent, Keys};
 use crate::mount::Mount;
-use crate::numbers::STEP;
 use crate::params::TwinParams;
 
 /// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3
@@ -83,22 +83,22 @@ impl Twin {
     /// # Errors
     /// If the parameter set is not sound.
     pub fn new(twin_params: &TwinParams, side: HandSide) -> Result<Self, TwinError> {
-        let numbers = &twin_params.numbers;
-        let params = numbers.params().map_err(TwinParamsError::from)?;
+        let hidden = &twin_params.hidden;
+        let params = hidden.params().map_err(TwinParamsError::from)?;
         // A real keyboard has no fences: the sides of its keys do what they stand for.
         let stage = StageConfig { side: stage_side(side), fences: false, ..StageConfig::default() };
         let hand = HandEmulatorConfig {
             side,
-            noise_counts: numbers.hand.noise_counts,
-            clock_skew: numbers.hand.clock_skew,
-            torque_timeout_secs: numbers.hand.torque_timeout_secs,
+            noise_counts: hidden.hand.noise_counts,
+            clock_skew: hidden.hand.clock_skew,
+            torque_timeout_secs: hidden.hand.torque_timeout_secs,
             seed: twin_params.run_seed(),
             ..HandEmulatorConfig::default()
         };
         let arm = ArmEmulator::new(ArmEmulatorConfig {
-            delay_secs: numbers.arm.delay_secs,
-            bandwidth_hz: numbers.arm.bandwidth_hz,
-            damping_ratio: numbers.arm.damping_ratio,
+            delay_secs: hidden.arm.delay_secs,
+            bandwidth_hz: hidden.arm.bandwidth_hz,
+            damping_ratio: hidden.arm.damping_ratio,
             ..ArmEmulatorConfig::default()
         });
         let path = RailPath::new(
@@ -107,19 +107,19 @@ impl Twin {
             &PAPER_HOME_DEG.map(f64::to_radians),
         )?;
         let mut twin = Self {
-            world: World::with_options(&stage, &params, &numbers.options())?,
-            drives: Drives::new(&numbers.hand),
-            backlash: Backlash::new(&numbers.hand, &params),
-            mount: Mount::new(&numbers.arm, numbers.seed),
-            encoders: Encoders::new(&numbers.hand),
-            keys: Keys::new(&numbers.keys, numbers.second_contacts(&params)),
+            world: World::with_options(&stage, &params, &hidden.options())?,
+            drives: Drives::new(&hidden.hand),
+            backlash: Backlash::new(&hidden.hand, &params),
+            mount: Mount::new(&hidden.arm, hidden.seed),
+            encoders: Encoders::new(&hidden.hand),
+            keys: Keys::new(&hidden.keys, hidden.second_contacts(&params)),
             rail: path.place(&arm.joints()).rail_m,
             lift: 0.0,
             path,
             devices: Devices {
                 hand: HandEmulator::new(&hand),
                 arm,
-                keyboard: KeyboardEmulator::new(&numbers.keyboard)?,
+                keyboard: KeyboardEmulator::new(&hidden.keyboard)?,
             },
             thumb: FreeHand::default(),
             twin_params: twin_params.clone(),
@@ -161,7 +161,7 @@ impl Twin {
         self.rail = rail;
         self.lift = lift(&place);
         let (joints, velocities) = (self.world.joints(), self.world.joint_velocities());
-        let arm = &self.twin_params.numbers.arm;
+        let arm = &self.twin_params.hidden.arm;
         std::array::from_fn(|joint| {
             if joint == RAIL {
                 arm.stiffness * (rail - joints[RAIL]) + arm.damping * (speed - velocities[RAIL])

@@ -51,7 +51,7 @@ pub struct Args {
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON: notes_due; nominal, mean, worst_decile and worst, of each notes_right,
-    /// notes_wrong, late_secs and f1; marginals (path, range, f1 by thirds), scores, csv
+    /// notes_wrong, onset_error_secs and f1; marginals (path, range, f1 by thirds), scores, csv
     #[arg(long)]
     json: bool,
 }
@@ -103,7 +103,7 @@ fn print(report: &GridReport) -> anyhow::Result<()> {
         ("worst tenth", report.worst_decile),
         ("worst world", report.worst),
     ] {
-        let GridScores { notes_right: right, notes_wrong: wrong, late_secs: late, f1 } = scores;
+        let GridScores { notes_right: right, notes_wrong: wrong, onset_error_secs: late, f1 } = scores;
         let notes = format!("{right:.1} of {}", report.notes_due);
         let late = late.map_or_else(String::new, |secs| format!("{:+.0} ms", 1e3 * secs));
         line(format!("{name:16} {notes:>16} {wrong:>7.1} {late:>8} {f1:>8.3}"))?;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::{Subcommand, ValueEnum, ValueHint};
 use etude_experiment::{
     Experiment, ExperimentConfig, Launch, LocalConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
-    TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
-    submit, write_plan,
+    TrialState, WorkEstimate, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial,
+    slurm_script, submit, write_plan,
 };
 use etude_perform::{Job, shell_line};
 use serde_json::json;
@@ -14,7 +14,7 @@ use serde_json::json;
 use crate::args;
 use crate::output::{VerbEnd, line, note, print_json};
 use crate::progress::{is_attended, patient_stop_flag, stop_flag};
-use crate::status::Status;
+use crate::status::{Status, clock};
 
 /// What to do with experiments.
 #[derive(clap::Args)]
@@ -129,7 +129,7 @@ struct RunArgs {
     /// --sbatch=--partition=short; may be repeated
     #[arg(long = "sbatch", value_name = "OPTION", allow_hyphen_values = true)]
     sbatch: Vec<String>,
-    /// Slurm: print the script and submit nothing
+    /// Start nothing: print how much there is to do and how long it takes here; Slurm: the script
     #[arg(long)]
     dry_run: bool,
 }
@@ -221,13 +221,16 @@ fn launch(args: &RunArgs) -> anyhow::Result<VerbEnd> {
 }
 
 fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> anyhow::Result<VerbEnd> {
-    if args.dry_run || args.throttle.is_some() || !args.sbatch.is_empty() {
-        anyhow::bail!("--dry-run, --throttle and --sbatch are for the cluster: add --launcher slurm");
+    if args.throttle.is_some() || !args.sbatch.is_empty() {
+        anyhow::bail!("--throttle and --sbatch are for the cluster: add --launcher slurm");
     }
-    write_plan(plan, trials)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = usize::from(args.threads);
     let workers = args.workers.map_or_else(|| (cores / threads).max(1), usize::from);
+    if args.dry_run {
+        return estimate(trials, &args.runs_dir, workers);
+    }
+    write_plan(plan, trials)?;
     let stop = stop_flag()?;
     let mut status = Status::new(false);
     let mut tell = |at: &Launch| status.part("trials", &running(at), at.share());
@@ -251,6 +254,16 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
         0 => Ok(VerbEnd::Done),
         _ => Err(anyhow::anyhow!("not all trials are done; the same command runs those that failed again")),
     }
+}
+
+/// Says how much is to be done and how long it takes.
+fn estimate(trials: &[Trial], runs: &Path, workers: usize) -> anyhow::Result<VerbEnd> {
+    let WorkEstimate { trials, steps, fits, core_secs } = WorkEstimate::of(trials, runs)?;
+    let workers = workers.min(trials.max(1));
+    let each = clock(core_secs / workers as f64);
+    line(format!("{trials} trials to do: {steps} steps of training and {fits} fits of the simulator"))?;
+    line(format!("some {} of one core, {each} with {workers} at a time", clock(core_secs)))?;
+    Ok(VerbEnd::Done)
 }
 
 fn running(at: &Launch) -> String {

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::ValueHint;
-use etude_lab::{Run, SIGHT_READER, SongPlanner, beginning_with, cannot_be_played, find_song, policy_called};
+use etude_lab::{
+    SIGHT_READER, SongPlanner, Training, beginning_with, cannot_be_played, find_song, policy_called,
+};
 use etude_learn::{Outcome, StopReason};
 use etude_music::Song;
 use etude_perform::{NoteCounts, shell_line, shell_word};
@@ -66,7 +68,9 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let stop = stop_flag()?;
     let mut planner = planner(args.json);
     let (folder, mut run) = match (&args.resume, &args.song) {
-        (Some(folder), _) => (folder.clone(), Run::resume(folder, &args.config.overrides, &mut planner)?),
+        (Some(folder), _) => {
+            (folder.clone(), Training::resume(folder, &args.config.overrides, &mut planner)?)
+        }
         (None, name) => {
             let song = name.as_deref().map(|name| find_song(name, args.keep_silence)).transpose()?;
             let source = args.from.as_deref().map(policy_called).transpose()?;
@@ -83,7 +87,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
                 None => PathBuf::from(format!("runs/{SIGHT_READER}__{seed}")),
             });
             let command = shell_line(std::env::args());
-            let run = Run::start(song, config, &folder, &command, source.as_deref(), &mut planner)?;
+            let run = Training::start(song, config, &folder, &command, source.as_deref(), &mut planner)?;
             (folder, run)
         }
     };
@@ -104,7 +108,7 @@ fn ignore_unread(printed: anyhow::Result<()>) -> anyhow::Result<()> {
     printed.or_else(|error| if error.is::<Unread>() { Ok(()) } else { Err(error) })
 }
 
-fn announce(run: &Run, args: &Args, folder: &Path, planner: &mut SongPlanner<'_>) -> anyhow::Result<()> {
+fn announce(run: &Training, args: &Args, folder: &Path, planner: &mut SongPlanner<'_>) -> anyhow::Result<()> {
     if let Some(song) = run.song() {
         let task = &run.config().task;
         let quick = task.key_schedule.quick_repeats(song);
@@ -140,7 +144,7 @@ fn announce(run: &Run, args: &Args, folder: &Path, planner: &mut SongPlanner<'_>
     ))
 }
 
-fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::Result<()> {
+fn report(args: &Args, folder: &Path, run: &Training, outcome: &Outcome) -> anyhow::Result<()> {
     let best = outcome.best.as_ref();
     let policy =
         folder.join(if best.is_some() { "policy-best.safetensors" } else { "policy-last.safetensors" });

@@ -275,7 +275,7 @@ fn mistakes_are_told_before_anything_is_done() {
         ("experiment run four.toml --set trainer.sead=3", "sead"),
         ("experiment run four.toml --set trainer.seed=3", "--seeds"),
         ("experiment run four.toml --set task.reward.colision=0", "colision"),
-        ("experiment run four.toml --dry-run", "--launcher slurm"),
+        ("experiment run four.toml --throttle 2", "--launcher slurm"),
         ("experiment run torn.toml", "experiment torn: line 2: "),
         ("experiment run four.toml --launcher slurm --workers 2", "--throttle"),
         ("experiment run four.toml --budget huge", "full, smoke"),
@@ -287,6 +287,8 @@ fn mistakes_are_told_before_anything_is_done() {
         assert!(!output.status.success(), "{args}");
         assert!(errors(&output).contains(said), "{args}: {}", errors(&output));
     }
+    let said = sandbox.ok("experiment run four.toml --dry-run");
+    assert!(said.starts_with("4 trials to do: ") && said.contains(" of one core, "), "{said}");
     assert!(!sandbox.path("runs").exists());
     let script = sandbox
         .ok("experiment run four.toml --launcher slurm --dry-run --throttle 2 --sbatch=--partition=short");

@@ -19,7 +19,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use etude_lab::{
-    Pianist, RobotPlay, Run, SongPlanner, TrainingProgress, load_pianist, play_on_robot, scores_in_simulation,
+    Pianist, RobotPlay, SongPlanner, Training, TrainingProgress, load_pianist, play_on_robot,
+    scores_in_simulation,
 };
 use etude_learn::Score;
 use etude_music::Song;
@@ -166,7 +167,7 @@ impl RunningTrial<'_, '_> {
         config.trainer.threads = self.threads;
         let seed = config.trainer.seed;
         let source = training.source()?;
-        let mut run = Run::start_or_resume(
+        let mut run = Training::start_or_resume(
             song.clone(),
             config,
             &folder,

@@ -113,7 +113,7 @@ mod tests {
             RunCorrections { latency_compensation_secs: Some(0.12), ..RunCorrections::default() }
         );
         let third = after(&second, 1, &late(0.06));
-        assert_eq!(third.delays.unwrap().late_secs, 0.06);
+        assert_eq!(third.delays.unwrap().common_lag_secs, 0.06);
         assert!(third.key_corrections == KeyCorrections::default() && third.key_offsets.is_still());
         assert!(third.correction.is_still(), "the joints are on their path, later by their lag");
         assert!(after(&third, 6, &late(0.06)).key_offsets.is_still());

@@ -241,13 +241,13 @@ impl Adaptation<'_> {
             on_time_secs: report.scores.on_time_compensation_secs(),
         };
         let next = played.after(index, &run.tracking, &notes, self.pianist.config.task.stage.side);
-        let late_secs = played.delays.or(next.delays).map_or(0.0, |delays| delays.late_secs);
+        let common_lag_secs = played.delays.or(next.delays).map_or(0.0, |delays| delays.common_lag_secs);
         let tracking = run.tracking.clone().asked_for(&played.key_offsets);
-        let squares: f64 = (0..RAIL).map(|joint| tracking.error(joint, late_secs).powi(2)).sum();
+        let squares: f64 = (0..RAIL).map(|joint| tracking.error(joint, common_lag_secs).powi(2)).sum();
         let run = AdaptRun {
             scores: report.scores,
             fingers_missed_rad: (squares / RAIL as f64).sqrt(),
-            rail_missed_m: tracking.error(RAIL, late_secs),
+            rail_missed_m: tracking.error(RAIL, common_lag_secs),
             clamped: run.clamped,
         };
         let stored = StoredRun { run, next };

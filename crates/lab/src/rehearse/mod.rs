@@ -33,8 +33,8 @@ use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_r
 use crate::json_files::{load, save_pretty};
 use crate::pianist::load_pianist;
 use crate::robot::{RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot};
-use crate::run::Run;
 use crate::song_planner::SongPlanner;
+use crate::training::Training;
 use crate::training_progress::TrainingProgress;
 use crate::warm_start::beginning_with;
 
@@ -240,7 +240,7 @@ impl Rehearsal<'_> {
         let command = format!("etude rehearse, iteration {iteration}");
         let song = config.corpus.is_none().then(|| self.song.clone());
         let mut run =
-            Run::start_or_resume(song, config, &folder, &command, source, &mut SongPlanner::default())?;
+            Training::start_or_resume(song, config, &folder, &command, source, &mut SongPlanner::default())?;
         let to_step = |at: &TrainingProgress| RehearsalStep::Training(iteration, *at);
         if job.part(to_step, |job| run.run_job(job))?.stopped.is_some() {
             return Err(Interrupted::resumable().into());

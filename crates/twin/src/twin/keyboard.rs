@@ -8,7 +8,7 @@ use etude_stage::kinematics;
 use etude_stage::params::WorldRow;
 
 use super::*;
-use crate::numbers::KEY_GAP_M;
+use crate::hidden_params::KEY_GAP_M;
 
 /// The finger that plays in these tests, and its first joint.
 pub(super) const MIDDLE: usize = 1;

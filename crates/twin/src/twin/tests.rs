@@ -44,7 +44,7 @@ fn an_arm_that_is_not_at_the_keys_holds_the_hand_above_them() {
 
 #[test]
 fn the_world_is_not_the_simulators() {
-    let options = |name: &str| TwinParams::load(name).unwrap().numbers.options();
+    let options = |name: &str| TwinParams::load(name).unwrap().hidden.options();
     let simulators = etude_stage::ModelOptions::default();
     for name in ["standard", "worn"] {
         let options = options(name);
@@ -153,7 +153,7 @@ fn keys_have_their_own_springs_and_thresholds() {
     let (one, same, other) = (spread(1), spread(1), spread(2));
     assert_eq!(springs(&one), springs(&same));
     assert_ne!(springs(&one), springs(&other));
-    assert!(one.twin_params.numbers.options().keys.iter().all(|key| key.travel == 1.1));
+    assert!(one.twin_params.hidden.options().keys.iter().all(|key| key.travel == 1.1));
     assert_eq!(one.keys.second, same.keys.second);
     assert_ne!(one.keys.second, other.keys.second);
     let nominal = one.world.params().world(WorldRow::KeyStiffness);
@@ -229,8 +229,8 @@ fn a_joint_stands_below_its_dead_band() {
         // Its weight is another matter.
         let twin_params = TwinParams::load(name).unwrap().with("[world]\ngravity = false").unwrap();
         for joint in [0, 1, 5, 10] {
-            let numbers = &twin_params.numbers;
-            let band = numbers.dead_band(&numbers.params().unwrap(), joint);
+            let hidden = &twin_params.hidden;
+            let band = hidden.dead_band(&hidden.params().unwrap(), joint);
             let turned = |pwm: f64| {
                 let mut twin = Twin::new(&twin_params, HandSide::Left).unwrap();
                 let before = twin.world.joints()[joint];

@@ -28,7 +28,7 @@ const CONTACT_GAP: f64 = 0.02;
 /// One parameter set, one TOML file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct Numbers {
+pub(crate) struct HiddenParams {
     /// Its name.
     pub(crate) name: String,
     /// Seed of how its keys differ, and with what is added to it for a run, of encoder noise and
@@ -165,7 +165,7 @@ pub(crate) struct LinkParams {
     pub(crate) midi: FaultPlan,
 }
 
-impl Numbers {
+impl HiddenParams {
     /// The physical numbers of its world.
     pub(crate) fn params(&self) -> Result<PhysicalParams, ParamError> {
         PhysicalParams::default().with(&self.physics)
@@ -241,9 +241,9 @@ pub(crate) fn signed_share(seed: u64, purpose: Purpose, number: usize) -> f64 {
 mod tests {
     use super::*;
 
-    fn spread(seed: u64) -> Numbers {
+    fn spread(seed: u64) -> HiddenParams {
         let keys = KeyParams { threshold_spread: 0.2, stiffness_spread: 0.3, ..KeyParams::default() };
-        Numbers { seed, keys, ..Numbers::default() }
+        HiddenParams { seed, keys, ..HiddenParams::default() }
     }
 
     #[test]
@@ -271,8 +271,8 @@ mod tests {
 
     #[test]
     fn without_spread_all_keys_are_alike() {
-        let numbers = Numbers { seed: 9, ..Numbers::default() };
-        assert_eq!(numbers.second_contacts(&PhysicalParams::default()), [0.5; KEY_COUNT]);
-        assert_eq!(numbers.options().keys, ModelOptions::default().keys);
+        let hidden = HiddenParams { seed: 9, ..HiddenParams::default() };
+        assert_eq!(hidden.second_contacts(&PhysicalParams::default()), [0.5; KEY_COUNT]);
+        assert_eq!(hidden.options().keys, ModelOptions::default().keys);
     }
 }

@@ -29,7 +29,7 @@ const LOCK: &str = "run.lock";
 const SIGHT_READING: &str = "sight-reading";
 
 /// A training in its folder, which is locked for other processes.
-pub struct Run {
+pub struct Training {
     /// The song; none where a corpus is learned.
     song: Option<Song>,
     config: RunConfig,
@@ -37,7 +37,7 @@ pub struct Run {
     _lock: File,
 }
 
-impl Run {
+impl Training {
     /// Starts a training in `folder`: of `song` or, without one, of the configuration's corpus.
     /// `command` is recorded.
     ///
