@@ -162,6 +162,7 @@ OPTIONS = {
     "plan.restrike_secs": REAL,
     "stage.side": st.sampled_from(["left", "right"]),
     "stage.fences": FLAG,
+    "stage.interlock": FLAG,
     "stage.actuation": st.sampled_from(["controlled", "position"]),
     "reward.collision": REAL,
     "reward.energy": REAL,

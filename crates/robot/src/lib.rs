@@ -43,6 +43,6 @@ pub mod xarm;
 
 pub use pace::{Pace, RealTime};
 pub use robot::{
-    Fault, Implausible, JOINTS_CHECKED, JointCheck, MotorHeat, OBSERVED, Phase, ROOTS_OVER_KEYS_M, Record,
-    Refused, Robot, RobotError, check_joints, propose_box,
+    Fault, Implausible, JOINTS_CHECKED, JointCheck, MAX_AHEAD_M, MotorHeat, OBSERVED, Phase,
+    ROOTS_OVER_KEYS_M, Record, Refused, Robot, RobotError, check_joints, drag_ways_m, propose_box,
 };

@@ -22,11 +22,14 @@ pub struct StageConfig {
     pub fences: bool,
     /// How the joints are driven.
     pub actuation: Actuation,
+    /// Whether the rail brakes where the interlock of a rig would hold it ([`drag_ways_m`](crate::drag_ways_m)).
+    /// With controllers only.
+    pub interlock: bool,
 }
 
 impl Default for StageConfig {
     fn default() -> Self {
-        Self { side: Side::default(), fences: true, actuation: Actuation::default() }
+        Self { side: Side::default(), fences: true, actuation: Actuation::default(), interlock: false }
     }
 }
 

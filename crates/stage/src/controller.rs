@@ -138,6 +138,33 @@ impl Controller {
         self.queue[self.head]
     }
 
+    /// How far the reference moves in the next physics step toward `target`, and where it stops if it
+    /// brakes after that.
+    pub(crate) fn next_stop(&self, constants: &ControllerConstants, target: f64) -> [f64; 2] {
+        let filtered = self.filtered + constants.smoothing * (target - self.filtered);
+        let [position, velocity, _] = self.advanced(constants, filtered);
+        [position - self.position, stop(constants, position, velocity)]
+    }
+
+    /// Velocity of the reference.
+    pub(crate) fn velocity(&self) -> f64 {
+        self.velocity
+    }
+
+    /// One physics step as [`torque`](Self::torque) in which the reference brakes.
+    pub(crate) fn braking_torque(
+        &mut self,
+        constants: &ControllerConstants,
+        target: f64,
+        measured: f64,
+        velocity: f64,
+    ) -> f64 {
+        self.filtered += constants.smoothing * (target - self.filtered);
+        self.advance(constants, stop(constants, self.position, self.velocity));
+        let wanted = self.delayed(constants, self.position);
+        constants.torque(wanted, measured, velocity)
+    }
+
     /// Whether a deserialised controller is consistent.
     pub(crate) fn is_sound(&self) -> bool {
         self.queue.len() == QUEUE && self.head < QUEUE
@@ -145,65 +172,80 @@ impl Controller {
 
     /// One physics step: the torque for `target` when the encoder reads `measured` and the joint
     /// moves at `velocity`.
-    pub fn torque(&mut self, gains: &ControllerConstants, target: f64, measured: f64, velocity: f64) -> f64 {
-        let wanted = self.follow(gains, target);
-        gains.torque(wanted, measured, velocity)
+    pub fn torque(
+        &mut self,
+        constants: &ControllerConstants,
+        target: f64,
+        measured: f64,
+        velocity: f64,
+    ) -> f64 {
+        let wanted = self.follow(constants, target);
+        constants.torque(wanted, measured, velocity)
     }
 
     /// One physics step as [`torque`](Self::torque), but `reference` is followed without low-pass
     /// and limits: for set-points that were shaped already.
     pub fn track(
         &mut self,
-        gains: &ControllerConstants,
+        constants: &ControllerConstants,
         reference: f64,
         measured: f64,
         velocity: f64,
     ) -> f64 {
-        let wanted = self.delayed(gains, reference);
-        gains.torque(wanted, measured, velocity)
+        let wanted = self.delayed(constants, reference);
+        constants.torque(wanted, measured, velocity)
     }
 
     /// One physics step without a torque: the set-point for `target`, for a robot whose own drives
     /// follow set-points.
-    pub fn follow(&mut self, gains: &ControllerConstants, target: f64) -> f64 {
-        let wanted = match gains.actuation {
+    pub fn follow(&mut self, constants: &ControllerConstants, target: f64) -> f64 {
+        let wanted = match constants.actuation {
             Actuation::Position => target,
             Actuation::Controlled => {
-                self.filtered += gains.smoothing * (target - self.filtered);
-                self.advance(gains);
+                self.filtered += constants.smoothing * (target - self.filtered);
+                self.advance(constants, self.filtered);
                 self.position
             }
         };
-        self.delayed(gains, wanted)
+        self.delayed(constants, wanted)
     }
 
     /// The delayed set-point, interpolated linearly between two physics steps.
-    fn delayed(&mut self, gains: &ControllerConstants, wanted: f64) -> f64 {
+    fn delayed(&mut self, constants: &ControllerConstants, wanted: f64) -> f64 {
         self.head = (self.head + 1) % QUEUE;
         self.queue[self.head] = wanted;
-        let (whole, rest) = gains.delay;
+        let (whole, rest) = constants.delay;
         let ago = |steps: usize| self.queue[(self.head + QUEUE - steps) % QUEUE];
         ago(whole) + rest * (ago(whole + 1) - ago(whole))
     }
 
-    /// Moves the reference one step toward the filtered target within its limits.
-    fn advance(&mut self, gains: &ControllerConstants) {
-        let dt = gains.step_secs;
-        let error = self.filtered - self.position;
+    /// Moves the reference one step toward `goal` within its limits.
+    fn advance(&mut self, constants: &ControllerConstants, goal: f64) {
+        [self.position, self.velocity, self.acceleration] = self.advanced(constants, goal);
+    }
+
+    /// Position, velocity and acceleration of the reference one step nearer to `goal`.
+    fn advanced(&self, constants: &ControllerConstants, goal: f64) -> [f64; 3] {
+        let dt = constants.step_secs;
+        let error = goal - self.position;
         // Far away: the speed from which half the acceleration limit still stops in time; the other
         // half is a reserve for the jerk limit. Close by: proportional, so that it settles without
         // overshoot.
-        let stoppable = (gains.acceleration_limit * error.abs()).sqrt();
-        let speed = (gains.approach * error.abs()).min(stoppable).min(gains.velocity_limit);
-        let wanted = (speed.copysign(error) - self.velocity) / gains.settle_secs;
-        let wanted = wanted.clamp(-gains.acceleration_limit, gains.acceleration_limit);
-        let most = gains.jerk_limit * dt;
-        self.acceleration += (wanted - self.acceleration).clamp(-most, most);
-        let velocity = self.velocity + self.acceleration * dt;
-        let limited = velocity.clamp(-gains.velocity_limit, gains.velocity_limit);
-        self.position += limited * dt;
-        self.velocity = limited;
+        let stoppable = (constants.acceleration_limit * error.abs()).sqrt();
+        let speed = (constants.approach * error.abs()).min(stoppable).min(constants.velocity_limit);
+        let wanted = (speed.copysign(error) - self.velocity) / constants.settle_secs;
+        let wanted = wanted.clamp(-constants.acceleration_limit, constants.acceleration_limit);
+        let most = constants.jerk_limit * dt;
+        let acceleration = self.acceleration + (wanted - self.acceleration).clamp(-most, most);
+        let velocity = self.velocity + acceleration * dt;
+        let limited = velocity.clamp(-constants.velocity_limit, constants.velocity_limit);
+        [self.position + limited * dt, limited, acceleration]
     }
+}
+
+/// Where a reference at `position` stops if it brakes now.
+fn stop(constants: &ControllerConstants, position: f64, velocity: f64) -> f64 {
+    position + velocity * velocity.abs() / (2.0 * constants.acceleration_limit)
 }
 
 #[cfg(test)]
@@ -214,7 +256,7 @@ mod tests {
 
     const STEP: f64 = 0.005;
 
-    fn gains(index: usize) -> ControllerConstants {
+    fn constants(index: usize) -> ControllerConstants {
         ControllerConstants::new(&PhysicalParams::default(), index, Actuation::Controlled, STEP)
     }
 
@@ -224,17 +266,17 @@ mod tests {
             index in 0..DRIVEN_JOINTS,
             targets in prop::collection::vec(-1.5f64..1.5, 1..12),
         ) {
-            let gains = gains(index);
+            let constants = constants(index);
             let mut controller = Controller::at_rest(0.0);
             let mut previous = [0.0; 3];
             for target in targets.iter().flat_map(|t| std::iter::repeat_n(*t, 10)) {
-                let torque = controller.torque(&gains, target, 0.0, 0.0);
-                prop_assert!(torque.abs() <= gains.torque_limit);
+                let torque = controller.torque(&constants, target, 0.0, 0.0);
+                prop_assert!(torque.abs() <= constants.torque_limit);
                 let now = [controller.position, controller.velocity, controller.acceleration];
                 let slack = 1.0 + 1e-9;
-                prop_assert!(now[1].abs() <= gains.velocity_limit * slack);
-                prop_assert!(now[2].abs() <= gains.acceleration_limit * slack);
-                prop_assert!((now[2] - previous[2]).abs() <= gains.jerk_limit * STEP * slack);
+                prop_assert!(now[1].abs() <= constants.velocity_limit * slack);
+                prop_assert!(now[2].abs() <= constants.acceleration_limit * slack);
+                prop_assert!((now[2] - previous[2]).abs() <= constants.jerk_limit * STEP * slack);
                 prop_assert!((now[0] - previous[0] - now[1] * STEP).abs() < 1e-12);
                 previous = now;
             }
@@ -242,11 +284,11 @@ mod tests {
 
         #[test]
         fn the_reference_arrives_and_stays(index in 0..DRIVEN_JOINTS, target in -0.3f64..0.3) {
-            let gains = gains(index);
+            let constants = constants(index);
             let mut controller = Controller::at_rest(0.0);
             let mut furthest: f64 = 0.0;
             for _ in 0..600 {
-                controller.torque(&gains, target, 0.0, 0.0);
+                controller.torque(&constants, target, 0.0, 0.0);
                 furthest = furthest.max(controller.position * target.signum());
             }
             prop_assert!((controller.position - target).abs() < 1e-4);
@@ -259,9 +301,9 @@ mod tests {
         let follow = |delay: f64| -> Vec<f64> {
             let mut params = PhysicalParams::default();
             params.set("joint.rail.delay", delay).unwrap();
-            let gains = ControllerConstants::new(&params, RAIL, Actuation::Position, STEP);
+            let constants = ControllerConstants::new(&params, RAIL, Actuation::Position, STEP);
             let mut controller = Controller::at_rest(0.0);
-            (0..6).map(|_| controller.follow(&gains, 1.0)).collect()
+            (0..6).map(|_| controller.follow(&constants, 1.0)).collect()
         };
         for whole in 0..=20u8 {
             // As 0.03 / 0.005, which is not 6 to a computer.
@@ -276,9 +318,9 @@ mod tests {
     fn a_reference_that_is_tracked_is_not_shaped_again() {
         let mut params = PhysicalParams::default();
         params.set("joint.index_1.delay", 0.01).unwrap();
-        let gains = ControllerConstants::new(&params, 1, Actuation::Controlled, STEP);
+        let constants = ControllerConstants::new(&params, 1, Actuation::Controlled, STEP);
         let mut controller = Controller::at_rest(0.0);
-        let torques: Vec<f64> = (0..4).map(|_| controller.track(&gains, 0.1, 0.02, 0.5)).collect();
+        let torques: Vec<f64> = (0..4).map(|_| controller.track(&constants, 0.1, 0.02, 0.5)).collect();
         let law = |wanted: f64| 3.0 * (wanted - 0.02) - 0.1 * 0.5;
         assert_eq!(torques, [law(0.0), law(0.0), law(0.1), law(0.1)]);
     }
@@ -289,8 +331,8 @@ mod tests {
             let torque = |dead_band: f64, wanted: f64| {
                 let mut params = PhysicalParams::default();
                 params.set("joint.index_1.dead_band", dead_band).unwrap();
-                let gains = ControllerConstants::new(&params, 1, actuation, STEP);
-                Controller::at_rest(0.0).track(&gains, wanted, 0.0, 0.0)
+                let constants = ControllerConstants::new(&params, 1, actuation, STEP);
+                Controller::at_rest(0.0).track(&constants, wanted, 0.0, 0.0)
             };
             for wanted in [-0.1, -0.003, 0.0, 0.003, 0.1] {
                 let (with, without) = (torque(0.012, wanted), torque(0.0, wanted));
@@ -301,20 +343,20 @@ mod tests {
         // What the clamp leaves of a torque loses the dead band.
         let mut params = PhysicalParams::default();
         params.set("joint.index_1.dead_band", 0.0125).unwrap();
-        let gains = ControllerConstants::new(&params, 1, Actuation::Controlled, STEP);
-        assert_eq!(Controller::at_rest(0.0).track(&gains, 1.0, 0.0, 0.0), 0.55);
+        let constants = ControllerConstants::new(&params, 1, Actuation::Controlled, STEP);
+        assert_eq!(Controller::at_rest(0.0).track(&constants, 1.0, 0.0, 0.0), 0.55);
     }
 
     #[test]
     fn a_step_of_one_white_key_takes_what_the_limits_say() {
-        let gains = gains(RAIL);
+        let constants = constants(RAIL);
         let mut controller = Controller::at_rest(0.0);
         let distance = crate::geometry::WHITE_PITCH;
         let steps = (1..400).find(|_| {
-            controller.torque(&gains, distance, 0.0, 0.0);
+            controller.torque(&constants, distance, 0.0, 0.0);
             (controller.position - distance).abs() < 0.1 * distance
         });
-        let fastest = (32.0 * distance / gains.jerk_limit).cbrt();
+        let fastest = (32.0 * distance / constants.jerk_limit).cbrt();
         let secs = steps.expect("it arrives") as f64 * STEP;
         assert!(secs > 0.6 * fastest && secs < 4.0 * fastest, "{secs} s, ideal {fastest} s");
     }

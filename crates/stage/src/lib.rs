@@ -41,4 +41,4 @@ pub use picture::{Painter, PictureError, View, picture_size};
 pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
 pub use strike::{LOUDEST_SECS, SOFTEST_SECS, Strike, strike_velocity};
 pub use visual_geoms::{FLANGE_END, RAIL_BEAM};
-pub use world::{Snapshot, SnapshotError, StepOutcome, World};
+pub use world::{MAX_AHEAD_M, Snapshot, SnapshotError, StepOutcome, World, drag_ways_m};

@@ -1,7 +1,7 @@
 //! Play between a motor and its joint: a torque that turns round has an effect only when the motor
-//! has crossed the play.
+//! has crossed the backlash.
 //!
-//! The motor is at one flank of the play and its torque passes to the joint, or it is on its way
+//! The motor is at one flank of the backlash and its torque passes to the joint, or it is on its way
 //! and turns alone. It meets the other flank without a rebound; what it brings along is passed on
 //! as one push. The joint keeps the motor's inertia and the dry friction while the motor crosses,
 //! so a joint that is let go is heavier here than a real one.
@@ -11,7 +11,7 @@ use etude_stage::{DRIVEN_JOINTS, PhysicalParams};
 
 use crate::hidden_params::{HandParams, STEP};
 
-/// Where a motor is in the play of its joint.
+/// Where a motor is in the backlash of its joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Place {
     /// At the flank in this direction, 1 or −1.
@@ -20,7 +20,7 @@ enum Place {
     Between(f64, f64),
 }
 
-/// The play of all joints.
+/// The backlash of all joints.
 pub(crate) struct Backlash {
     half: f64,
     armature: [f64; DRIVEN_JOINTS],
@@ -69,18 +69,18 @@ mod tests {
 
     const JOINT: usize = 5;
 
-    fn play(motor_backlash_rad: f64) -> Backlash {
+    fn with_backlash(motor_backlash_rad: f64) -> Backlash {
         let mut params = PhysicalParams::default();
         params.set("joint.all.armature", 0.001).unwrap();
         Backlash::new(&HandParams { motor_backlash_rad, ..HandParams::default() }, &params)
     }
 
     #[test]
-    fn a_torque_that_turns_round_crosses_the_play_first() {
-        let mut play = play(0.01);
-        assert_eq!(play.pass(JOINT, |_| 0.1, 0.0), 0.1);
+    fn a_torque_that_turns_round_crosses_the_backlash_first() {
+        let mut backlash = with_backlash(0.01);
+        assert_eq!(backlash.pass(JOINT, |_| 0.1, 0.0), 0.1);
         // 0.01 rad at 100 rad/s² take 14.1 ms.
-        let passed: Vec<f64> = (0..20).map(|_| play.pass(JOINT, |_| -0.1, 0.0)).collect();
+        let passed: Vec<f64> = (0..20).map(|_| backlash.pass(JOINT, |_| -0.1, 0.0)).collect();
         let met = passed.iter().position(|torque| *torque != 0.0).unwrap();
         assert!((13..=14).contains(&met), "{passed:?}");
         // The motor's momentum, and from then on its torque.
@@ -88,38 +88,38 @@ mod tests {
         let momentum = -0.1 * 1e-3 * (met + 1) as f64;
         assert!((push - momentum).abs() < 1e-12, "{push} {momentum}");
         assert!(passed[met + 1..].iter().all(|torque| *torque == -0.1));
-        // A torque in the same direction meets no play, whatever its size.
-        assert_eq!(play.pass(JOINT, |_| -0.001, -0.3), -0.001);
+        // A torque in the same direction meets no backlash, whatever its size.
+        assert_eq!(backlash.pass(JOINT, |_| -0.001, -0.3), -0.001);
     }
 
     #[test]
     fn a_motor_that_crosses_obeys_its_own_voltage() {
-        let mut play = play(0.1);
+        let mut backlash = with_backlash(0.1);
         // The speed of a motor without load at this duty is 2 rad/s; its time constant is 10 ms.
         let motor = |speed: f64| -0.1 * (2.0 + speed) / 1.0;
-        let met = (1..200).find(|_| play.pass(JOINT, motor, 0.0) != 0.0).unwrap();
+        let met = (1..200).find(|_| backlash.pass(JOINT, motor, 0.0) != 0.0).unwrap();
         // 0.1 rad at 2 rad/s take 50 ms, and 10 ms are lost at the beginning.
         assert!((58..=62).contains(&met), "{met}");
     }
 
     #[test]
-    fn without_play_every_torque_passes_at_once() {
-        let mut play = play(0.0);
+    fn without_backlash_every_torque_passes_at_once() {
+        let mut backlash = with_backlash(0.0);
         for torque in [0.2, -0.3, 0.0, 0.1] {
-            assert_eq!(play.pass(JOINT, |_| torque, 1.0), torque);
+            assert_eq!(backlash.pass(JOINT, |_| torque, 1.0), torque);
         }
     }
 
     proptest! {
         #[test]
-        fn a_motor_stays_within_the_play(
+        fn a_motor_stays_within_the_backlash(
             torques in prop::collection::vec(-0.5..0.5_f64, 1..200),
             speeds in prop::collection::vec(-5.0..5.0_f64, 200),
         ) {
-            let mut play = play(0.02);
+            let mut backlash = with_backlash(0.02);
             for (torque, speed) in torques.iter().zip(speeds) {
-                let passed = play.pass(JOINT, |_| *torque, speed);
-                match play.places[JOINT] {
+                let passed = backlash.pass(JOINT, |_| *torque, speed);
+                match backlash.places[JOINT] {
                     Place::Between(ahead, _) => prop_assert!(ahead.abs() < 0.01 && passed == 0.0),
                     Place::Flank(side) => prop_assert!(side.abs() == 1.0),
                 }

@@ -1,8 +1,8 @@
 //! The hand between its wires and its links: what a duty does to a joint, and what an encoder makes
 //! of an angle.
 //!
-//! Here play is between encoder and link: a link that turns back has turned through the play before
-//! the encoder follows. The play that a motor's torque has to cross is in `backlash`.
+//! Here backlash is between encoder and link: a link that turns back has turned through the backlash before
+//! the encoder follows. The backlash that a motor's torque has to cross is in `backlash`.
 
 use etude_robot::allegro::{self, FULL_SCALE_PWM};
 use etude_robot::joints::HAND_DRIVEN_JOINTS;
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn play_is_a_dead_band_on_the_way_back() {
+    fn backlash_is_a_dead_band_on_the_way_back() {
         let mut encoders = Encoders::new(&HandParams { encoder_backlash_rad: 0.02, ..HandParams::default() });
         let mut read = |angle: f64| encoders.read(&[angle; DRIVEN_JOINTS])[4];
         assert_eq!(read(0.0), 0.0);
@@ -126,14 +126,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_reading_is_never_off_by_more_than_half_the_play(
-            play in 0.0..0.1f64,
+        fn a_reading_is_never_off_by_more_than_half_the_backlash(
+            backlash in 0.0..0.1f64,
             angles in prop::collection::vec(-2.0..2.0f64, 1..50),
         ) {
-            let mut encoders = Encoders::new(&HandParams { encoder_backlash_rad: play, ..HandParams::default() });
+            let mut encoders = Encoders::new(&HandParams { encoder_backlash_rad: backlash, ..HandParams::default() });
             for angle in angles {
                 let read = encoders.read(&[angle; DRIVEN_JOINTS])[7];
-                prop_assert!((read - angle).abs() <= play / 2.0 + 1e-12);
+                prop_assert!((read - angle).abs() <= backlash / 2.0 + 1e-12);
             }
         }
     }

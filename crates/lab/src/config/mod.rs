@@ -166,6 +166,7 @@ mod tests {
         paper.task.randomisation.intensity = 0.0;
         (paper.task.previous_joints, paper.task.previous_actions) = (true, 0);
         paper.task.rail_set_point = false;
+        paper.task.stage.interlock = false;
         paper.task.reward.clear();
         assert_eq!(paper, RunConfig::default());
     }

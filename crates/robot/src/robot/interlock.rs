@@ -15,7 +15,7 @@ use crate::limiter::{Axis, Clamp};
 /// Largest distance of the rail's set-point ahead of the arm, m: a tenth of a second at 0.6 m/s.
 /// Playing on the twin reaches 38 mm. The torque clamp does the same for the fingers: policies
 /// press by asking for up to 1.6 rad more than a key allows.
-const MAX_AHEAD_M: f64 = 0.06;
+pub const MAX_AHEAD_M: f64 = 0.06;
 /// Height of the fingers' roots over the tops of the white keys when the arm is on its path, m
 /// (lasr-lab/learning-to-play-piano; the keys are 22.5 mm high there).
 pub const ROOTS_OVER_KEYS_M: f64 = 0.12 - 0.0225;
@@ -46,28 +46,7 @@ pub(super) struct Interlock {
 impl Interlock {
     pub fn new(hand: &Hand, reference: &[f64; WIRE_JOINTS], now: Duration) -> Self {
         let age = hand.positions_at().map_or(Duration::ZERO, |at| now.saturating_sub(at));
-        Self { age_secs: age.as_secs_f64(), ..Self::of(&hand.positions(), reference) }
-    }
-
-    fn of(positions: &[f64; WIRE_JOINTS], reference: &[f64; WIRE_JOINTS]) -> Self {
-        let mut ways_m = [f64::INFINITY; 2];
-        for (finger, depth_m) in tip_depths(positions).into_iter().enumerate() {
-            if depth_m <= ROOTS_OVER_KEYS_M + AMONG_KEYS_M {
-                continue;
-            }
-            // The tip lags behind a hand that moves toward the high notes if its roll grows.
-            let (roll, [low, high]) = (positions[4 * finger], JOINT_LIMITS_RAD[4 * finger]);
-            let behind_rad = roll - reference[4 * finger];
-            let way_m = |stop: f64| (depth_m - TIP_RADIUS_M) * (stop.tan() - roll.tan());
-            let [to_low, to_high] = [-way_m(low + BEFORE_STOP_RAD), way_m(high - BEFORE_STOP_RAD)];
-            if behind_rad < -MAX_BEHIND_RAD {
-                ways_m[0] = ways_m[0].min(to_low);
-            }
-            if behind_rad > MAX_BEHIND_RAD {
-                ways_m[1] = ways_m[1].min(to_high);
-            }
-        }
-        Self { ways_m, age_secs: 0.0 }
+        Self { ways_m: drag_ways_m(&hand.positions(), reference), age_secs: age.as_secs_f64() }
     }
 
     /// Why the rail's set-point brakes now instead of moving toward `asked_m`.
@@ -94,6 +73,28 @@ impl Interlock {
         let was_at_m = at_m - axis.velocity() * self.age_secs;
         (next.stop_position() - was_at_m) * moves_m.signum() > self.ways_m[usize::from(moves_m > 0.0)]
     }
+}
+
+/// How far the hand may move on toward the low and toward the high notes, m, at these readings and
+/// references of the hand's joints. Infinite where no finger is dragged that way.
+pub fn drag_ways_m(positions: &[f64; WIRE_JOINTS], reference: &[f64; WIRE_JOINTS]) -> [f64; 2] {
+    let mut ways_m = [f64::INFINITY; 2];
+    for (finger, depth_m) in tip_depths(positions).into_iter().enumerate() {
+        if depth_m <= ROOTS_OVER_KEYS_M + AMONG_KEYS_M {
+            continue;
+        }
+        // The tip lags behind a hand that moves toward the high notes if its roll grows.
+        let (roll, [low, high]) = (positions[4 * finger], JOINT_LIMITS_RAD[4 * finger]);
+        let behind_rad = roll - reference[4 * finger];
+        let way_m = |stop: f64| (depth_m - TIP_RADIUS_M) * (stop.tan() - roll.tan());
+        if behind_rad < -MAX_BEHIND_RAD {
+            ways_m[0] = ways_m[0].min(-way_m(low + BEFORE_STOP_RAD));
+        }
+        if behind_rad > MAX_BEHIND_RAD {
+            ways_m[1] = ways_m[1].min(way_m(high - BEFORE_STOP_RAD));
+        }
+    }
+    ways_m
 }
 
 /// Which fingertips may press a key: friction and the neighbouring keys then hold the finger's
@@ -126,7 +127,7 @@ mod tests {
         let ways = |roll: f64, sent: f64, below_tops_m: f64| {
             let (positions, mut reference) = (hanging(roll, below_tops_m), [0.0; WIRE_JOINTS]);
             reference[4] = sent;
-            Interlock::of(&positions, &reference).ways_m
+            drag_ways_m(&positions, &reference)
         };
         // It is above the keys, and it is where it was sent.
         assert_eq!(ways(0.2, 0.0, 0.001), [f64::INFINITY; 2]);

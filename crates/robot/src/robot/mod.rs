@@ -54,7 +54,7 @@ use std::time::Duration;
 
 pub use fault::{Fault, Refused, RobotError};
 pub use homing_plan::propose_box;
-pub use interlock::ROOTS_OVER_KEYS_M;
+pub use interlock::{MAX_AHEAD_M, ROOTS_OVER_KEYS_M, drag_ways_m};
 pub use joint_check::{JOINTS_CHECKED, JointCheck, check_joints};
 pub use motor_heat::MotorHeat;
 pub use plausibility::Implausible;

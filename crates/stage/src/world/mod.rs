@@ -5,6 +5,7 @@
 //! the ids of everything in the MuJoCo model.
 #![allow(unsafe_code)] // MuJoCo's model is changed in place (physical numbers); see the use.
 
+mod interlock;
 mod layout;
 mod readings;
 mod snapshot;
@@ -26,6 +27,7 @@ use crate::mjcf::{
 };
 use crate::params::{JointRow, PhysicalParams, WorldRow};
 use crate::strike::Strike;
+pub use interlock::{MAX_AHEAD_M, drag_ways_m};
 use layout::Layout;
 pub use snapshot::{Snapshot, SnapshotError};
 pub use step::StepOutcome;
@@ -46,7 +48,7 @@ pub struct World {
     config: StageConfig,
     options: ModelOptions,
     params: PhysicalParams,
-    gains: [ControllerConstants; DRIVEN_JOINTS],
+    constants: [ControllerConstants; DRIVEN_JOINTS],
     /// Whether a joint's dry friction is greater at rest.
     sticks: bool,
     /// Angle of each key from which on it sounds, rad.
@@ -97,7 +99,7 @@ impl World {
             config: config.clone(),
             options: options.clone(),
             params: params.clone(),
-            gains: std::array::from_fn(|joint| {
+            constants: std::array::from_fn(|joint| {
                 ControllerConstants::new(params, joint, config.actuation, options.step_secs)
             }),
             sticks: false,
@@ -127,7 +129,7 @@ impl World {
             self.release[key] = self.threshold[key] * (1.0 - value(WorldRow::KeyHysteresis));
         }
         for joint in 0..DRIVEN_JOINTS {
-            self.gains[joint] = ControllerConstants::new(params, joint, self.config.actuation, step);
+            self.constants[joint] = ControllerConstants::new(params, joint, self.config.actuation, step);
         }
         let of_joint = |row, joint| params.joint(row, joint);
         self.sticks = (0..DRIVEN_JOINTS).any(|joint| {
@@ -176,7 +178,7 @@ impl World {
             let dof = self.layout.joint_dof[joint];
             self.data.qpos_mut()[dof] = position;
             self.data.qfrc_applied_mut()[dof] = self.params.joint(JointRow::Load, joint);
-            self.controllers[joint].rest(self.gains[joint].measured(position));
+            self.controllers[joint].rest(self.constants[joint].measured(position));
         }
         self.pressed = KeySet::EMPTY;
         self.physics_steps = 0;
@@ -199,7 +201,7 @@ impl World {
     /// (rad, the rail in m), the keys of `down` pressed to their lower stops, the others at rest.
     /// Used to show or to evaluate a moment of a recording.
     pub fn pose(&mut self, readings: &[f64; DRIVEN_JOINTS], down: KeySet) {
-        let bias = |joint: usize| self.gains[joint].measured(0.0);
+        let bias = |joint: usize| self.constants[joint].measured(0.0);
         let pose: [f64; DRIVEN_JOINTS] = std::array::from_fn(|joint| readings[joint] - bias(joint));
         self.reset_to(&pose);
         let angles = std::array::from_fn(|key| if down.contains(key) { self.lower_stop(key) } else { 0.0 });
@@ -244,7 +246,7 @@ impl World {
     /// still.
     pub fn start_pose(&self) -> [f64; DRIVEN_JOINTS] {
         let pose = self.start_pose_true();
-        std::array::from_fn(|joint| self.gains[joint].measured(pose[joint]))
+        std::array::from_fn(|joint| self.constants[joint].measured(pose[joint]))
     }
 
     /// The configuration that it was built with.

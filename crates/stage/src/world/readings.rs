@@ -12,7 +12,7 @@ impl World {
     /// Joint positions as the encoders read them: rad, the rail in m.
     pub fn joints(&self) -> [f64; DRIVEN_JOINTS] {
         let places = self.joints_true();
-        std::array::from_fn(|joint| self.gains[joint].measured(places[joint]))
+        std::array::from_fn(|joint| self.constants[joint].measured(places[joint]))
     }
 
     /// True joint positions: rad, the rail in m.

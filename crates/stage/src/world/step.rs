@@ -32,7 +32,7 @@ pub struct StepOutcome {
     pub unstable: bool,
 }
 
-/// A control law: torque from controller state, gains, target, measured position and velocity.
+/// A control law: torque from controller state, constants, target, measured position and velocity.
 type Law = fn(&mut Controller, &ControllerConstants, f64, f64, f64) -> f64;
 
 impl World {
@@ -44,7 +44,7 @@ impl World {
 
     /// As [`step`](Self::step), calling `watch` after each physics step.
     pub fn step_watched(&mut self, targets: &[f64; DRIVEN_JOINTS], watch: impl FnMut(&Self)) -> StepOutcome {
-        self.control_step(|_| targets, Controller::torque, watch)
+        self.control_step(|_| targets, Controller::torque, self.config.interlock, watch)
     }
 
     /// One control step that follows `waypoints`, one a physics step, without low-pass and limits:
@@ -54,13 +54,14 @@ impl World {
         waypoints: &[[f64; DRIVEN_JOINTS]; PHYSICS_STEPS],
         watch: impl FnMut(&Self),
     ) -> StepOutcome {
-        self.control_step(|step| &waypoints[step], Controller::track, watch)
+        self.control_step(|step| &waypoints[step], Controller::track, false, watch)
     }
 
     fn control_step<'a>(
         &mut self,
         wanted: impl Fn(usize) -> &'a [f64; DRIVEN_JOINTS],
         law: Law,
+        interlock: bool,
         mut watch: impl FnMut(&Self),
     ) -> StepOutcome {
         let mut outcome = StepOutcome::default();
@@ -69,7 +70,7 @@ impl World {
         self.deepest = [0.0; KEY_COUNT];
         let begun = self.data.ffi().time;
         for step in 0..PHYSICS_STEPS {
-            self.physics_step(wanted(step), law, &mut outcome);
+            self.physics_step(wanted(step), law, interlock, &mut outcome);
             watch(self);
         }
         // When MuJoCo resets itself after diverging, its clock is reset too.
@@ -80,14 +81,23 @@ impl World {
         outcome
     }
 
-    fn physics_step(&mut self, targets: &[f64; DRIVEN_JOINTS], law: Law, outcome: &mut StepOutcome) {
+    fn physics_step(
+        &mut self,
+        targets: &[f64; DRIVEN_JOINTS],
+        law: Law,
+        interlock: bool,
+        outcome: &mut StepOutcome,
+    ) {
+        let holds_rail = interlock && self.holds_rail(targets[RAIL]);
         for (joint, target) in targets.iter().enumerate() {
             let dof = self.layout.joint_dof[joint];
             let [low, high] = joint_range(joint);
             let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
-            let gains = &self.gains[joint];
-            let target = target.clamp(gains.measured(low), gains.measured(high));
-            let torque = law(&mut self.controllers[joint], gains, target, gains.measured(position), velocity);
+            let constants = &self.constants[joint];
+            let target = target.clamp(constants.measured(low), constants.measured(high));
+            let law = if holds_rail && joint == RAIL { Controller::braking_torque } else { law };
+            let torque =
+                law(&mut self.controllers[joint], constants, target, constants.measured(position), velocity);
             let power = (torque * velocity).abs();
             if joint == RAIL {
                 outcome.rail_power += power

@@ -107,14 +107,11 @@ pub fn cases(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
-/// Any world: side, fences, actuation.
+/// Any world: side, fences, actuation, interlock.
 pub fn config() -> impl Strategy<Value = StageConfig> {
     use etude_stage::{Actuation, Side};
     let side = prop_oneof![Just(Side::Left), Just(Side::Right)];
     let actuation = prop_oneof![Just(Actuation::Controlled), Just(Actuation::Position)];
-    (side, any::<bool>(), actuation).prop_map(|(side, fences, actuation)| StageConfig {
-        side,
-        fences,
-        actuation,
-    })
+    (side, any::<bool>(), actuation, any::<bool>())
+        .prop_map(|(side, fences, actuation, interlock)| StageConfig { side, fences, actuation, interlock })
 }

@@ -22,7 +22,9 @@ fn worlds() -> impl Iterator<Item = (&'static str, StageConfig)> {
         ("appendix-left", Side::Left, false, Actuation::Position),
         ("appendix-right", Side::Right, false, Actuation::Position),
     ]
-    .map(|(name, side, fences, actuation)| (name, StageConfig { side, fences, actuation }))
+    .map(|(name, side, fences, actuation)| {
+        (name, StageConfig { side, fences, actuation, ..StageConfig::default() })
+    })
     .into_iter()
 }
 

@@ -176,7 +176,7 @@ fn what_the_hand_sends_is_what_its_encoders_read() {
     let Some(HandMessage::Position { counts, .. }) = HandMessage::decode(device, &answer[0]) else {
         panic!("{answer:?}");
     };
-    // Half the play short of the link, in whole counts.
+    // Half the backlash short of the link, in whole counts.
     assert_eq!(counts, [0, allegro::counts_from_rad(0.49), 0, 0]);
 }
 
@@ -253,9 +253,9 @@ fn a_joint_stands_below_its_dead_band() {
 }
 
 /// A turning joint keeps turning as before when its motor's torque turns round, for the time that
-/// the motor takes to cross the play.
+/// the motor takes to cross the backlash.
 #[test]
-fn a_torque_crosses_the_play_before_it_slows_the_joint() {
+fn a_torque_crosses_the_backlash_before_it_slows_the_joint() {
     const JOINT: usize = 5;
     let reversed = |twin_params: &str| {
         let mut twin = twin(twin_params);
