@@ -3,7 +3,7 @@
 
 Tables are made from rows under version control, docs/results/data. In a page a table stands below a
 comment with its command, `<!-- tables.py learning docs/results/data/learning -->`; `check` makes it
-again and compares. With --measure a command first measures its rows with the built command (`make
+again and compares, `write` puts it into the page. With --measure a command first measures its rows with the built command (`make
 build`; ETUDE names another build).
 """
 
@@ -29,6 +29,7 @@ def parser():
     parser = argparse.ArgumentParser(prog="tables.py", description=__doc__.partition("\n")[0])
     subcommands = parser.add_subparsers(dest="subcommand", required=True, metavar="SUBCOMMAND")
     subcommands.add_parser("check", help="compare the tables that are made from committed files with the pages")
+    subcommands.add_parser("write", help="put these tables into the pages")
     for name, (function, arguments) in sorted(COMMANDS.items()):
         text = function.__doc__
         more = dict(help=text.partition("\n")[0].rstrip(".").replace("%", "%%"), description=text)
@@ -54,8 +55,8 @@ def marked(page):
             yield line.removeprefix(MARK).removesuffix("-->").strip(), rest[first:last]
 
 
-def check():
-    """The exit code: 1 if a page has another table than its command prints."""
+def check(rewrite):
+    """The exit code: 1 if a page has another table than its command prints, and it is not rewritten."""
     count = wrong = 0
     for page in sorted((ROOT / "docs").rglob("*.md")):
         tables = list(marked(page))
@@ -70,16 +71,20 @@ def check():
             expected = printed.getvalue().strip().split("\n\n")[0].splitlines()
             if table != expected:
                 wrong += 1
+                if rewrite:
+                    text = page.read_text()
+                    at = text.index("\n".join(table), text.index(f"{MARK}{command} -->"))
+                    page.write_text(text[:at] + "\n".join(expected) + text[at + len("\n".join(table)) :])
                 print(f"{page.relative_to(ROOT)}: not what `scripts/tables.py {command}` prints:", *expected, sep="\n")
     print(f"tables: {count}, of which {wrong} are not what their commands print")
-    return int(wrong > 0 or count == 0)
+    return int((wrong > 0 and not rewrite) or count == 0)
 
 
 def main():
     for name in MODULES:
         importlib.import_module(f"tables.{name}")
-    if sys.argv[1:] == ["check"]:
-        sys.exit(check())
+    if sys.argv[1:] in (["check"], ["write"]):
+        sys.exit(check(rewrite=sys.argv[1] == "write"))
     try:
         sys.exit(run(sys.argv[1:]))
     except Stopped as stopped:
