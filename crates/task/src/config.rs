@@ -91,7 +91,7 @@ pub struct TaskConfig {
     pub view: ObservationView,
     /// Whether the observation has the rail's set-point instead of its measured position. A policy
     /// that reads the measured position swings about its goal if the arm lags more than in its
-    /// training. The paper's policies observe the measured position.
+    /// training.
     pub rail_set_point: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,

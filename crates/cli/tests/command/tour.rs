@@ -178,7 +178,7 @@ fn the_quick_commands_of_the_book_run() {
         if page[0].page == "docs/reading.md" {
             // It begins with what was played on the pages before.
             sandbox.ok("play twinkle");
-            sandbox.ok("perform twinkle --robot twin -o out/twin");
+            sandbox.ok("perform twinkle --robot twin");
         }
         for command in page.iter().filter(|command| left_out(&command.line()).is_none()) {
             run(&sandbox, command);

@@ -219,7 +219,7 @@ impl Robot {
         let reference = self.set_points.reference(now);
         self.following_error.take(at, &positions, &reference, &self.config.limits);
         let mut wanted = self.joint_loop.pwm(at, &positions, &reference, self.rail_arm.palm_down());
-        self.plausibility.ask(&mut wanted, &self.config.hand.pwm_limit);
+        self.plausibility.override_with_probe(&mut wanted, &self.config.hand.pwm_limit);
         let pwm = self.hand.send_pwm(now, &wanted, frames);
         let may_press = may_press(&positions, self.rail_arm.is_on_path());
         self.plausibility.hand(at, &positions, &reference, &pwm, &self.config.hand.pwm_limit, may_press);

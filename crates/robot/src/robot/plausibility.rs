@@ -276,8 +276,8 @@ impl PlausibilityChecks {
     }
 
     /// Pushes a joint the other way whose sign is in doubt.
-    pub fn ask(&self, wanted: &mut [f64; WIRE_JOINTS], limits: &[i16; WIRE_JOINTS]) {
-        self.runaways.ask(wanted, limits);
+    pub fn override_with_probe(&self, wanted: &mut [f64; WIRE_JOINTS], limits: &[i16; WIRE_JOINTS]) {
+        self.runaways.override_with_probe(wanted, limits);
     }
 
     /// Takes a report of the arm, where that is, and where the arm was sent last along the

@@ -13,14 +13,14 @@ use std::time::Duration;
 use crate::allegro::{PLAYING, WIRE_JOINTS};
 
 /// How hard (as a share of the limit), how long (s) and how still (rad) a joint stands that is
-/// asked.
+/// probed.
 const HARD_SHARE: f64 = 0.7;
 const HARD_SECS: f64 = 0.3;
 const STANDS_RAD: f64 = 0.03;
 /// With which share of its limit and how long it is pushed the other way, and how much nearer it
 /// must come, rad.
-const ASKS_SHARE: f64 = 0.5;
-const ASKS: Duration = Duration::from_millis(80);
+const PROBE_SHARE: f64 = 0.5;
+const PROBE_TIME: Duration = Duration::from_millis(80);
 const NEARER_RAD: f64 = 0.03;
 /// A longer time between two readings says nothing, s.
 const MAX_SECS: f64 = 0.05;
@@ -30,14 +30,14 @@ struct Joint {
     stands_at: f64,
     /// How long it has been pushed hard there.
     hard_secs: f64,
-    asks: Option<Question>,
-    /// Where it stood when it answered that its sign is right.
+    probe: Option<SignProbe>,
+    /// Where it stood when a probe found its sign right.
     obeyed_at: Option<f64>,
 }
 
 /// A joint is pushed the other way.
 #[derive(Clone, Copy, Debug)]
-struct Question {
+struct SignProbe {
     since: Duration,
     from_rad: f64,
     /// The direction of its reference.
@@ -52,11 +52,11 @@ pub(super) struct Runaways {
 }
 
 impl Runaways {
-    /// Pushes the joints that are asked the other way.
-    pub fn ask(&self, wanted: &mut [f64; WIRE_JOINTS], limits: &[i16; WIRE_JOINTS]) {
+    /// Pushes the joints that are probed the other way, whatever is wanted of them.
+    pub fn override_with_probe(&self, wanted: &mut [f64; WIRE_JOINTS], limits: &[i16; WIRE_JOINTS]) {
         for ((wanted, joint), limit) in wanted.iter_mut().zip(&self.joints).zip(limits) {
-            if let Some(question) = joint.asks {
-                *wanted = -question.toward * ASKS_SHARE * f64::from(*limit);
+            if let Some(probe) = joint.probe {
+                *wanted = -probe.toward * PROBE_SHARE * f64::from(*limit);
             }
         }
     }
@@ -77,11 +77,11 @@ impl Runaways {
         for (joint, state) in self.joints.iter_mut().enumerate() {
             let (rad, share) = (positions[joint], shares[joint]);
             if may_press.get(joint / 4) == Some(&true) {
-                (state.asks, state.stands_at, state.hard_secs) = (None, rad, 0.0);
+                (state.probe, state.stands_at, state.hard_secs) = (None, rad, 0.0);
                 continue;
             }
-            if state.asks.is_some() {
-                if state.answers_wrong(at, rad) {
+            if state.probe.is_some() {
+                if state.has_wrong_sign(at, rad) {
                     found = found.or(Some((joint, rad)));
                 }
                 continue;
@@ -89,7 +89,7 @@ impl Runaways {
             state.push(secs, rad, reference[joint], share);
             let obeys = state.obeyed_at.is_some_and(|at| (rad - at).abs() <= STANDS_RAD);
             if state.hard_secs > HARD_SECS && !obeys {
-                state.asks = Some(Question { since: at, from_rad: rad, toward: share.signum() });
+                state.probe = Some(SignProbe { since: at, from_rad: rad, toward: share.signum() });
             }
         }
         found
@@ -107,13 +107,13 @@ impl Joint {
     }
 
     /// Whether it has come nearer to its reference although it is pushed the other way.
-    fn answers_wrong(&mut self, at: Duration, rad: f64) -> bool {
-        let Some(question) = self.asks else { return false };
-        if (rad - question.from_rad) * question.toward > NEARER_RAD {
+    fn has_wrong_sign(&mut self, at: Duration, rad: f64) -> bool {
+        let Some(probe) = self.probe else { return false };
+        if (rad - probe.from_rad) * probe.toward > NEARER_RAD {
             return true;
         }
-        if at.saturating_sub(question.since) > ASKS {
-            let obeyed_at = Some(question.from_rad);
+        if at.saturating_sub(probe.since) > PROBE_TIME {
+            let obeyed_at = Some(probe.from_rad);
             *self = Self { stands_at: rad, obeyed_at, ..Self::default() };
         }
         false
@@ -153,7 +153,7 @@ mod tests {
                 let limit = f64::from(PWM_LIMITS[self.joint]);
                 let mut wanted = [0.0; WIRE_JOINTS];
                 wanted[self.joint] = limit * (8.0 * by_rad).clamp(-1.0, 1.0);
-                runaways.ask(&mut wanted, &PWM_LIMITS);
+                runaways.override_with_probe(&mut wanted, &PWM_LIMITS);
                 shares[self.joint] = wanted[self.joint] / limit;
                 asked += u32::from(shares[self.joint] * by_rad < 0.0);
                 let on_key = [self.on_key; PLAYING];
