@@ -76,8 +76,8 @@ impl Tracking {
         self
     }
 
-    /// What a joint missed if it should be late by `common_lag_secs`: root mean square, rad, the rail in
-    /// m.
+    /// What a joint missed if it should be late by `common_lag_secs`: root mean square, rad, the
+    /// rail in m.
     pub fn error(&self, joint: usize, common_lag_secs: f64) -> f64 {
         let (mean, variance) = self.missed(joint, ticks(common_lag_secs));
         (variance + mean * mean).sqrt()

@@ -22,8 +22,8 @@ pub struct StageConfig {
     pub fences: bool,
     /// How the joints are driven.
     pub actuation: Actuation,
-    /// Whether the rail brakes where the interlock of a rig would hold it ([`drag_ways_m`](crate::drag_ways_m)).
-    /// With controllers only.
+    /// Whether the rail brakes where the interlock of a rig would hold it
+    /// ([`drag_ways_m`](crate::drag_ways_m)). With controllers only.
     pub interlock: bool,
 }
 

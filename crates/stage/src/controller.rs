@@ -138,8 +138,8 @@ impl Controller {
         self.queue[self.head]
     }
 
-    /// How far the reference moves in the next physics step toward `target`, and where it stops if it
-    /// brakes after that.
+    /// How far the reference moves in the next physics step toward `target`, and where it stops if
+    /// it brakes after that.
     pub(crate) fn next_stop(&self, constants: &ControllerConstants, target: f64) -> [f64; 2] {
         let filtered = self.filtered + constants.smoothing * (target - self.filtered);
         let [position, velocity, _] = self.advanced(constants, filtered);

@@ -1,10 +1,10 @@
 //! Play between a motor and its joint: a torque that turns round has an effect only when the motor
 //! has crossed the backlash.
 //!
-//! The motor is at one flank of the backlash and its torque passes to the joint, or it is on its way
-//! and turns alone. It meets the other flank without a rebound; what it brings along is passed on
-//! as one push. The joint keeps the motor's inertia and the dry friction while the motor crosses,
-//! so a joint that is let go is heavier here than a real one.
+//! The motor is at one flank of the backlash and its torque passes to the joint, or it is on its
+//! way and turns alone. It meets the other flank without a rebound; what it brings along is passed
+//! on as one push. The joint keeps the motor's inertia and the dry friction while the motor
+//! crosses, so a joint that is let go is heavier here than a real one.
 
 use etude_stage::params::JointRow;
 use etude_stage::{DRIVEN_JOINTS, PhysicalParams};

@@ -1,8 +1,9 @@
 //! The hand between its wires and its links: what a duty does to a joint, and what an encoder makes
 //! of an angle.
 //!
-//! Here backlash is between encoder and link: a link that turns back has turned through the backlash before
-//! the encoder follows. The backlash that a motor's torque has to cross is in `backlash`.
+//! Here backlash is between encoder and link: a link that turns back has turned through the
+//! backlash before the encoder follows. The backlash that a motor's torque has to cross is in
+//! `backlash`.
 
 use etude_robot::allegro::{self, FULL_SCALE_PWM};
 use etude_robot::joints::HAND_DRIVEN_JOINTS;

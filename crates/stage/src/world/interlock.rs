@@ -1,6 +1,6 @@
 //! The rig's interlock, in the simulator: the rail brakes where the hand has not followed it, or
-//! would drag a finger that is among the keys to the stop of its roll joint. A policy that never met
-//! it drags its fingers, and a rig then holds it.
+//! would drag a finger that is among the keys to the stop of its roll joint. A policy that never
+//! met it drags its fingers, and a rig then holds it.
 //!
 //! `crates/robot/src/robot/interlock.rs` says why for each number; tests of that crate compare the
 //! two.
