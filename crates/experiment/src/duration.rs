@@ -60,8 +60,8 @@ impl WorkEstimate {
                     let mut steps = config.trainer.total_steps;
                     let mut fits = 0;
                     if let Some(rehearse) = rehearse {
-                        let rehearsals =
-                            rehearse.twin_params.len() * rehearse.modes.len() * rehearse.iterations;
+                        let sets = &rehearse.twin_params;
+                        let rehearsals = sets.len() * rehearse.modes.len() * rehearse.iterations;
                         let fitted = rehearse.fits.iter().filter(|fit| **fit != RehearsalFit::None).count();
                         fits = (rehearsals * fitted) as u64;
                         steps += (rehearsals * rehearse.fits.len()) as u64 * rehearse.steps.unwrap_or(steps);

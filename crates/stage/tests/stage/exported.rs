@@ -100,6 +100,8 @@ proptest! {
         config in bench::config(),
         gestures in bench::gestures(),
     ) {
+        // The replica has the controllers, not the interlock.
+        let config = StageConfig { interlock: false, ..config };
         same_as_replica(&config, &PhysicalParams::default(), &gestures);
     }
 }
