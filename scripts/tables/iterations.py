@@ -265,7 +265,14 @@ def loop(options):
         "twin parameters, song", "fit", "iteration", "F1 (RoboPianist's rule), simulation", "twin", "notes right, wrong",
         "held-out error before and after the fit, mrad", "unfitted", "fitted",
     )
+    begun = []
     for entry in read(options.rows):
+        # Before the first fit all of them are one performance.
+        if entry["iteration"] == "0":
+            entry["fit"] = "before"
+            if entry in begun:
+                continue
+            begun.append(entry)
         numbers = {key: float(value) for key, value in entry.items() if key in (*LOOP, *FIT[0], *FIT[1]) and value}
         f1 = (f"{numbers[key]:.3f}" for key in LOOP[3:])
         error, guess = ([numbers.get(key) for key in keys] for keys in FIT)
