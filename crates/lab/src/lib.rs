@@ -2,9 +2,9 @@
 //!
 //! [`RunConfig`] is everything that decides a training; it comes in layers (preset, file,
 //! overrides) and is written into the run's folder, where it is itself a valid config file. A
-//! [`Run`] makes policies, [`play`](play()) plays them in simulation, [`play_on_robot`] on a robot
-//! or its twin, [`identify_robot`] fits the simulator to recordings, and [`rehearse_on_robot`] does
-//! all of it in iterations.
+//! [`Training`] makes policies, [`play`](play()) plays them in simulation, [`play_on_robot`] on a
+//! robot or its twin, [`identify_robot`] fits the simulator to recordings, and
+//! [`rehearse_on_robot`] does all of it in iterations.
 
 mod adapt;
 mod choose_player;
