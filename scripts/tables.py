@@ -3,8 +3,8 @@
 
 Tables are made from rows under version control, docs/results/data. In a page a table stands below a
 comment with its command, `<!-- tables.py learning docs/results/data/learning -->`; `check` makes it
-again and compares, `write` puts it into the page. With --measure a command first measures its rows with the built command (`make
-build`; ETUDE names another build).
+again and compares, `write` puts it into the page. With --measure a command first measures its rows
+with the built command (`make build`; ETUDE names another build).
 """
 
 import argparse

@@ -141,8 +141,7 @@ impl Controller {
     /// How far the reference moves in the next physics step toward `target`, and where it stops if
     /// it brakes after that.
     pub(crate) fn next_stop(&self, constants: &ControllerConstants, target: f64) -> [f64; 2] {
-        let filtered = self.filtered + constants.smoothing * (target - self.filtered);
-        let [position, velocity, _] = self.advanced(constants, filtered);
+        let [position, velocity, _] = self.advanced(constants, self.low_passed(constants, target));
         [position - self.position, stop(constants, position, velocity)]
     }
 
@@ -159,7 +158,7 @@ impl Controller {
         measured: f64,
         velocity: f64,
     ) -> f64 {
-        self.filtered += constants.smoothing * (target - self.filtered);
+        self.filtered = self.low_passed(constants, target);
         self.advance(constants, stop(constants, self.position, self.velocity));
         let wanted = self.delayed(constants, self.position);
         constants.torque(wanted, measured, velocity)
@@ -202,12 +201,17 @@ impl Controller {
         let wanted = match constants.actuation {
             Actuation::Position => target,
             Actuation::Controlled => {
-                self.filtered += constants.smoothing * (target - self.filtered);
+                self.filtered = self.low_passed(constants, target);
                 self.advance(constants, self.filtered);
                 self.position
             }
         };
         self.delayed(constants, wanted)
+    }
+
+    /// The target after the low-pass, in this physics step.
+    fn low_passed(&self, constants: &ControllerConstants, target: f64) -> f64 {
+        self.filtered + constants.smoothing * (target - self.filtered)
     }
 
     /// The delayed set-point, interpolated linearly between two physics steps.
