@@ -79,11 +79,15 @@ def played(song, *who):
 
 
 @contextlib.contextmanager
-def performed(song, mode, twin_params, runs):
-    """The report of performances on the twin, whose recordings are there while the block lasts."""
+def performed(song, mode, twin_params, runs, run=None):
+    """The report of performances on the twin, whose recordings are there while the block lasts.
+
+    The shipped policy plays, or that of a training's folder `run`.
+    """
     with tempfile.TemporaryDirectory() as folder:
         twin = ["--robot", "twin", "--twin-params", twin_params]
-        yield etude("perform", song, "--mode", mode, *twin, *policy(song), "--runs", runs, "-o", folder)
+        player = ["--policy", run] if run else policy(song)
+        yield etude("perform", song, "--mode", mode, *twin, *player, "--runs", runs, "-o", folder)
 
 
 def melodies(part, count, folder):

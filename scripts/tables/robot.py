@@ -31,11 +31,11 @@ F1 = ["F1 (articulated plan)", "F1 (RoboPianist's rule)"]
 THREE = ["twinkle", "ode-to-joy", "c-major-scale"]
 
 
-def performance(label, song, mode, twin_params, runs):
+def performance(label, song, mode, twin_params, runs, run=None, seed=0):
     """A row: means over the runs, or why a safety stop ended them."""
-    labels = {"twin_params": label, "mode": mode, "song": song, "seed": 0, "runs": runs}
+    labels = {"twin_params": label, "mode": mode, "song": song, "seed": seed, "runs": runs}
     try:
-        with performed(song, mode, twin_params, runs) as report:
+        with performed(song, mode, twin_params, runs, run) as report:
             before = report.get("uncompensated", {})
             before = {f"uncompensated_{key}": before.get(name, "") for key, name in UNCOMPENSATED.items()}
             return labels | {key: report.get(key, "") for key in [*SCORES, *NOTES]} | before | {"stopped": ""}
@@ -103,6 +103,40 @@ def drawn(options):
     head("parameter sets", "onset F1 without the lag", "F1 (articulated plan): mean", "lowest, highest")
     name = f"`{next(iter(sets))}` to `{list(sets)[-1]}`"
     row(name, f"{onset:.3f}", f"{statistics.mean(f1):.3f}", f"{min(f1):.3f}, {max(f1):.3f}")
+
+
+@command(
+    "trained",
+    ROWS,
+    MEASURE,
+    runs(3),
+    argument("--twin-params", nargs="+", default=["standard"], help="to measure"),
+    argument("--trainings", nargs="+", type=pathlib.Path, default=[], help="their folders: …/SONG-SEED"),
+)
+def trained(options):
+    """Trained policies in real execution, nothing fitted. A safety stop counts as F1 0 and no note.
+
+    A range is that of the policies.
+    """
+    every = ((name, run.resolve(), *run.name.rsplit("-", 1)) for name in options.twin_params for run in options.trainings)
+    rows = rows_of(
+        options,
+        lambda: (performance(name, song, "real", name, options.runs, run, seed) for name, run, song, seed in every),
+    )
+    head(
+        "twin parameters", "policies", "safety stops", "F1 (RoboPianist's rule), simulation", "twin (range)", "gap",
+        "twin, uncompensated", "notes right, wrong",
+    )
+    for name, of_set in groups(rows, "twin_params").items():
+        done = complete(of_set)
+        f1 = [float(entry["robot_robopianist_f1"] or 0) for entry in of_set]
+        simulated = mean_of(done, "sim_robopianist_f1")
+        twin, uncompensated = statistics.mean(f1), mean_of(done, "uncompensated_robopianist_f1")
+        row(
+            f"`{name}`", len(of_set), len(of_set) - len(done), f"{simulated:.3f}",
+            f"{twin:.3f} ({min(f1):.3f} to {max(f1):.3f})", f"{100 * (1 - twin / simulated):.1f} %",
+            f"{uncompensated:.3f}", right_of_due(done),
+        )
 
 
 def recorded(recording, *topics):

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use etude_lab::{
-    Chosen, Pianist, RunConfig, SIGHT_READER, SongPlanner, cannot_be_played, folder_of_song, load_pianist,
-    pianist_for, player_slug, policies, policy_called, readable,
+    Chosen, LoadedPlayer, RunConfig, SIGHT_READER, SongPlanner, cannot_be_played, choose_player,
+    folder_of_song, load_player, player_slug, policies, policy_called, readable,
 };
 use etude_music::{Song, repertoire};
 use etude_perform::shell_word;
@@ -66,7 +66,7 @@ impl ConfigArgs {
 
 /// The player.
 #[derive(clap::Args)]
-pub struct PianistArgs {
+pub struct PlayerArgs {
     /// A policy file, the folder of a run, or the name of a shipped policy, for example
     /// sight-reader; by default the best policy for this song or, without one, the sight-reader
     #[arg(long, value_name = "PATH")]
@@ -79,7 +79,7 @@ pub struct PianistArgs {
     pub overrides: Vec<String>,
 }
 
-impl PianistArgs {
+impl PlayerArgs {
     /// Name of the default folder of a performance: the song and the options. So another player, or
     /// the same one in another world, has its own folder.
     pub fn folder_name(&self, asked: &str) -> String {
@@ -96,14 +96,19 @@ impl PianistArgs {
     }
 
     /// The player of `song`, which the user named `asked`; warns if it learned another song.
-    pub fn load(&self, asked: &str, song: &Song, planner: &mut SongPlanner<'_>) -> anyhow::Result<Pianist> {
-        let Chosen { mut pianist, passed_over } = match &self.policy {
-            _ if self.scripted => Chosen { pianist: Pianist::scripted(), passed_over: None },
-            Some(policy) => Chosen { pianist: load_pianist(&policy_called(policy)?)?, passed_over: None },
-            None => pianist_for(asked, &slug(asked), song, planner)?,
+    pub fn load(
+        &self,
+        asked: &str,
+        song: &Song,
+        planner: &mut SongPlanner<'_>,
+    ) -> anyhow::Result<LoadedPlayer> {
+        let Chosen { mut player, passed_over } = match &self.policy {
+            _ if self.scripted => Chosen { player: LoadedPlayer::scripted(), passed_over: None },
+            Some(policy) => Chosen { player: load_player(&policy_called(policy)?)?, passed_over: None },
+            None => choose_player(asked, &slug(asked), song, planner)?,
         };
         if !self.overrides.is_empty() {
-            let changes = pianist.reconfigure(&self.overrides)?;
+            let changes = player.reconfigure(&self.overrides)?;
             if !changes.is_empty() {
                 note(format!(
                     "warning: this policy was trained with other settings; now {}",
@@ -111,7 +116,7 @@ impl PianistArgs {
                 ));
             }
         }
-        if pianist.is_sight_reader() {
+        if player.is_sight_reader() {
             if self.policy.is_none() {
                 let why = if let Some(own) = &passed_over {
                     let (right, due) = (own.claimed_notes.unwrap_or(0.0), song.notes().len());
@@ -126,23 +131,23 @@ impl PianistArgs {
                 };
                 note(format!(
                     "`{asked}` {why}: {} plays it zero-shot; `etude train {} --from {SIGHT_READER}` trains a policy for it",
-                    pianist.name(),
+                    player.name(),
                     shell_word(asked)
                 ));
             }
-            for warning in cannot_be_played(song, &pianist.config.task, planner)? {
+            for warning in cannot_be_played(song, &player.config.task, planner)? {
                 note(format!(
                     "warning: {warning}; `etude songs show {}` shows the plan, and what is easier to play",
                     shell_word(asked)
                 ));
             }
-        } else if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {
+        } else if let Some(learned) = player.song.as_deref().filter(|learned| *learned != song.title()) {
             note(format!(
                 "warning: this policy learned `{learned}` and was not trained on `{}`; train one with `etude train {}`",
                 song.title(),
                 shell_word(asked)
             ));
-        } else if let Some(notes) = pianist.learned_other_notes(song) {
+        } else if let Some(notes) = player.learned_other_notes(song) {
             note(format!(
                 "warning: this policy learned another `{}` ({notes} notes, or at other times) and was not trained on this one; train one with \
                  `etude train {}`",
@@ -150,7 +155,7 @@ impl PianistArgs {
                 shell_word(asked)
             ));
         }
-        Ok(pianist)
+        Ok(player)
     }
 }
 

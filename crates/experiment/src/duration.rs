@@ -53,37 +53,38 @@ impl WorkEstimate {
         let open = open_trials(trials, runs);
         let mut estimate = Self { trials: open.len(), ..Self::default() };
         let mut rates = HashMap::new();
-        for index in open {
-            let (steps, fits) = match &trials[index].work {
-                TrialWork::Train { training, rehearse, .. } => {
-                    let config = training.resolve()?;
-                    let mut steps = config.trainer.total_steps;
-                    let mut fits = 0;
-                    if let Some(rehearse) = rehearse {
-                        let sets = &rehearse.twin_params;
-                        let rehearsals = sets.len() * rehearse.modes.len() * rehearse.iterations;
-                        let fitted = rehearse.fits.iter().filter(|fit| **fit != RehearsalFit::None).count();
-                        fits = (rehearsals * fitted) as u64;
-                        steps += (rehearsals * rehearse.fits.len()) as u64 * rehearse.steps.unwrap_or(steps);
-                    }
-                    let TrainerConfig { num_envs, updates_per_vector_step, .. } = config.trainer;
-                    let schedule = (num_envs, updates_per_vector_step, json(&config.droq));
-                    let rate = match rates.get(&schedule) {
-                        Some(rate) => *rate,
-                        None => *rates.entry(schedule).or_insert(secs_a_step(training, config)?),
-                    };
-                    estimate.core_secs += rate * steps as f64;
-                    (steps, fits)
-                }
-                TrialWork::Identify { .. } => (0, 1),
-                TrialWork::Play { .. } => (0, 0),
-            };
+        for trial in open.into_iter().map(|index| &trials[index]) {
+            let (steps, fits) = steps_and_fits(trial)?;
             estimate.steps += steps;
             estimate.fits += fits;
             estimate.core_secs += FIT_SECS * fits as f64;
+            let TrialWork::Train { training, .. } = &trial.work else { continue };
+            let config = training.resolve()?;
+            let TrainerConfig { num_envs, updates_per_vector_step, .. } = config.trainer;
+            let schedule = (num_envs, updates_per_vector_step, json(&config.droq));
+            let rate = match rates.get(&schedule) {
+                Some(rate) => *rate,
+                None => *rates.entry(schedule).or_insert(secs_a_step(training, config)?),
+            };
+            estimate.core_secs += rate * steps as f64;
         }
         Ok(estimate)
     }
+}
+
+/// Environment steps of a trial, with those of its rehearsals, and fits of the simulator.
+fn steps_and_fits(trial: &Trial) -> anyhow::Result<(u64, u64)> {
+    let (training, rehearse) = match &trial.work {
+        TrialWork::Train { training, rehearse, .. } => (training, rehearse),
+        TrialWork::Identify { .. } => return Ok((0, 1)),
+        TrialWork::Play { .. } => return Ok((0, 0)),
+    };
+    let steps = training.resolve()?.trainer.total_steps;
+    let Some(rehearse) = rehearse else { return Ok((steps, 0)) };
+    let rehearsals = (rehearse.twin_params.len() * rehearse.modes.len() * rehearse.iterations) as u64;
+    let fitted = rehearse.fits.iter().filter(|fit| **fit != RehearsalFit::None).count() as u64;
+    let trainings = rehearsals * rehearse.fits.len() as u64;
+    Ok((steps + trainings * rehearse.steps.unwrap_or(steps), rehearsals * fitted))
 }
 
 /// Time of one core for an environment step of a training after its warm-up, s, by running it.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
-use etude_lab::{Pianist, RunConfig, find_song, load_pianist, policy_called};
+use etude_lab::{LoadedPlayer, RunConfig, find_song, load_player, policy_called};
 use etude_learn::seed::fnv;
 use etude_music::{Song, Split, chords, key_is_black, melody};
 
@@ -54,11 +54,11 @@ pub(crate) fn find_piece(name: &str) -> anyhow::Result<Song> {
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
-pub(crate) fn find_player(name: &str) -> anyhow::Result<Pianist> {
+pub(crate) fn find_player(name: &str) -> anyhow::Result<LoadedPlayer> {
     if name == SCRIPTED {
-        return Ok(Pianist::scripted());
+        return Ok(LoadedPlayer::scripted());
     }
-    load_pianist(&policy_called(Path::new(name))?)
+    load_player(&policy_called(Path::new(name))?)
 }
 
 /// A piece to play.
@@ -116,7 +116,7 @@ impl Experiment {
         for name in &play.players {
             let player = name.replace(SEED, &seed.to_string());
             let content = find_player(&player)
-                .and_then(|pianist| content(&pianist))
+                .and_then(|player| content(&player))
                 .map_err(|error| wrong(name, error))?;
             for piece in &pieces {
                 let all = format!("{}{content}{on_twin}{seed}", notes_of(&piece.song));
@@ -183,9 +183,9 @@ impl LearnerConfig {
 }
 
 /// What a player's result depends on: its task and, of a policy, the bytes of its file.
-fn content(pianist: &Pianist) -> anyhow::Result<String> {
-    let task = json(&pianist.config.task);
-    Ok(task + &pianist.file().map_or_else(|| Ok(String::new()), checksum_of)?)
+fn content(player: &LoadedPlayer) -> anyhow::Result<String> {
+    let task = json(&player.config.task);
+    Ok(task + &player.file().map_or_else(|| Ok(String::new()), checksum_of)?)
 }
 
 fn checksum_of(file: &Path) -> anyhow::Result<String> {

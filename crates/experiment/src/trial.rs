@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use etude_lab::{
-    IdentifyMethod, RunConfig, beginning_with, load_pianist, policy_called, resolve,
-    set_latency_compensation, slug,
+    IdentifyMethod, RunConfig, beginning_with, load_player, policy_called, resolve, set_latency_compensation,
+    slug,
 };
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
@@ -119,7 +119,7 @@ impl TrainingConfig {
     /// If there is none, or it cannot be used.
     pub fn source(&self) -> anyhow::Result<Option<PathBuf>> {
         let Some(name) = &self.from else { return Ok(None) };
-        Ok(load_pianist(&policy_called(Path::new(name))?)?.file().map(Path::to_path_buf))
+        Ok(load_player(&policy_called(Path::new(name))?)?.file().map(Path::to_path_buf))
     }
 }
 

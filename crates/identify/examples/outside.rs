@@ -1,8 +1,8 @@
 //! One identification problem for two solvers: this crate's, and MuJoCo's own toolbox
 //! (`scripts/check_sysid.py`).
 //!
-//! Stock MuJoCo can express the problem exactly. A joint's references depend on its targets alone,
-//! so a joint is MuJoCo's position actuator with the same force limits, driven by those references
+//! Stock MuJoCo can express the problem exactly. A joint's set-points depend on its targets alone,
+//! so a joint is MuJoCo's position actuator with the same force limits, driven by those set-points
 //! once a physics step. All readings are at the ends of physics steps, so no interpolation is
 //! needed.
 #![allow(clippy::print_stdout, reason = "printing is what it is for")]
@@ -142,24 +142,24 @@ fn noisy(motion: &RecordedMotion, random: &mut Pcg64) -> RecordedMotion {
     motion
 }
 
-/// References of the joints at each physics step of a motion: rad, the rail in m.
-fn references(params: &PhysicalParams, motion: &RecordedMotion) -> Fallible<Vec<[f64; DRIVEN_JOINTS]>> {
+/// Set-points of the joints at each physics step of a motion: rad, the rail in m.
+fn set_points(params: &PhysicalParams, motion: &RecordedMotion) -> Fallible<Vec<[f64; DRIVEN_JOINTS]>> {
     let Commands::Targets(targets) = &motion.commands else { return Err("a motion without targets".into()) };
     let step_secs = StageConfig::default().physics_step_secs();
     let gains = std::array::from_fn::<_, DRIVEN_JOINTS, _>(|joint| {
         ControllerConstants::new(params, joint, Actuation::Controlled, step_secs)
     });
     let mut controllers = motion.start.map(Controller::at_rest);
-    let mut follow = |targets: &[f64; DRIVEN_JOINTS]| -> [f64; DRIVEN_JOINTS] {
+    let mut step = |targets: &[f64; DRIVEN_JOINTS]| -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| {
             let [low, high] = joint_range(joint);
-            controllers[joint].follow(&gains[joint], targets[joint].clamp(low, high))
+            controllers[joint].step_set_point(&gains[joint], targets[joint].clamp(low, high))
         })
     };
     Ok(targets
         .iter()
         .flat_map(|targets| std::iter::repeat_n(targets, PHYSICS_STEPS))
-        .map(&mut follow)
+        .map(&mut step)
         .collect())
 }
 
@@ -270,7 +270,7 @@ impl Posed {
         };
         let motions = self.motions.iter().zip(clean).map(|(motion, clean)| {
             Ok(json!({
-                "name": motion.path, "start": motion.start, "references": references(&self.start, motion)?,
+                "name": motion.path, "start": motion.start, "references": set_points(&self.start, motion)?,
                 "times_secs": motion.fingers.iter().map(|(secs, _)| *secs).collect::<Vec<_>>(),
                 "readings": fitted(motion), "noise_free": fitted(clean),
             }))

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use etude_lab::{SIGHT_READER, SongPlanner, Training, load_pianist, resolve, shipped_policy};
+use etude_lab::{SIGHT_READER, SongPlanner, Training, load_player, resolve, shipped_policy};
 use etude_learn::bench::update_rate;
 use etude_learn::{Arithmetic, DroqConfig, StopReason, TrainingObserver};
 use etude_music::{KeySet, Song};
@@ -187,8 +187,8 @@ fn proc_field(path: &str, name: &str) -> Option<String> {
 /// core, s: from joint readings and keys to the joint targets. Measured for about `secs`.
 fn control_step_secs(song: &Song, secs: f64) -> anyhow::Result<f64> {
     let path = shipped_policy(SIGHT_READER).context("the sight-reader is not in policies")?;
-    let pianist = load_pianist(Path::new(&path))?;
-    let (task, mut policy) = (&pianist.config.task, pianist.policy().context("it is a policy")?.clone());
+    let player = load_player(Path::new(&path))?;
+    let (task, mut policy) = (&player.config.task, player.policy().context("it is a policy")?.clone());
     let piece = Piece::for_task(song, task)?;
     let mut observation = vec![0.0; layout(task).len()];
     let mut action = [0.0; ACTION_LEN];

@@ -4,7 +4,7 @@ use anyhow::Context as _;
 use etude_music::Song;
 use etude_perform::shell_word;
 
-use crate::pianist::{Pianist, open};
+use crate::loaded_player::{LoadedPlayer, load_policy_file};
 use crate::play::scores_in_simulation;
 use crate::policy_files::{RUNS, policies, shipped_policy};
 use crate::song_planner::SongPlanner;
@@ -15,12 +15,12 @@ use crate::zero_shot::{SIGHT_READER, predict_zero_shot};
 ///
 /// # Errors
 /// If there are some, and none can be used.
-pub(crate) fn sight_reader() -> anyhow::Result<Option<Pianist>> {
+pub(crate) fn sight_reader() -> anyhow::Result<Option<LoadedPlayer>> {
     // Another generator of melodies has other notes under the same configuration.
-    let evaluated_on = |pianist: &Pianist| (pianist.config.corpus.clone(), pianist.claimed_due);
-    let shipped = shipped_policy(SIGHT_READER).and_then(|path| open(&path).ok());
+    let evaluated_on = |player: &LoadedPlayer| (player.config.corpus.clone(), player.claimed_due);
+    let shipped = shipped_policy(SIGHT_READER).and_then(|path| load_policy_file(&path).ok());
     let shipped = shipped.as_ref().map(evaluated_on);
-    best_of(SIGHT_READER, |pianist| shipped.as_ref().is_none_or(|shipped| *shipped == evaluated_on(pianist)))
+    best_of(SIGHT_READER, |player| shipped.as_ref().is_none_or(|shipped| *shipped == evaluated_on(player)))
 }
 
 /// The policy for the song `slug` with the highest mean of F1 and onset F1, of those that `fit` and
@@ -29,25 +29,25 @@ pub(crate) fn sight_reader() -> anyhow::Result<Option<Pianist>> {
 ///
 /// # Errors
 /// If there are some, and none can be used.
-fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<Pianist>> {
+fn best_of(slug: &str, fit: impl Fn(&LoadedPlayer) -> bool) -> anyhow::Result<Option<LoadedPlayer>> {
     // One damaged file must not keep the others from playing.
-    let (mut pianists, mut errors) = (Vec::new(), Vec::new());
+    let (mut players, mut errors) = (Vec::new(), Vec::new());
     for path in policies(slug) {
-        match open(&path) {
+        match load_policy_file(&path) {
             // A training that was stopped before its first evaluation has a policy that has learned
             // nothing.
-            Ok(pianist) if pianist.claimed_f1.is_none() || !fit(&pianist) => {}
-            Ok(pianist) => pianists.push(pianist),
+            Ok(player) if player.claimed_f1.is_none() || !fit(&player) => {}
+            Ok(player) => players.push(player),
             Err(error) => errors.push(error),
         }
     }
     let rank =
-        |pianist: &Pianist| (pianist.config.task.key_schedule.rule, pianist.claimed_overall.unwrap_or(0.0));
-    pianists.sort_by(|a, b| {
+        |player: &LoadedPlayer| (player.config.task.key_schedule.rule, player.claimed_overall.unwrap_or(0.0));
+    players.sort_by(|a, b| {
         let ((rule_a, score_a), (rule_b, score_b)) = (rank(a), rank(b));
         rule_b.cmp(&rule_a).then(score_b.total_cmp(&score_a))
     });
-    match pianists.into_iter().next() {
+    match players.into_iter().next() {
         None => errors.into_iter().next().map_or(Ok(None), Err),
         found => Ok(found),
     }
@@ -56,9 +56,9 @@ fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<
 /// The player of a song for which no policy was named.
 pub struct Chosen {
     /// The player.
-    pub pianist: Pianist,
+    pub player: LoadedPlayer,
     /// The best policy that has learned the song, if the sight-reader will play it better.
-    pub passed_over: Option<Pianist>,
+    pub passed_over: Option<LoadedPlayer>,
 }
 
 /// The player of `song`, which was `asked` for and has this short form, if no policy is named: the
@@ -69,18 +69,18 @@ pub struct Chosen {
 ///
 /// # Errors
 /// If there is none, or none can be used.
-pub fn pianist_for(
+pub fn choose_player(
     asked: &str,
     slug: &str,
     song: &Song,
     planner: &mut SongPlanner<'_>,
 ) -> anyhow::Result<Chosen> {
-    let own = best_of(slug, |pianist| pianist.has_learned(song))?;
+    let own = best_of(slug, |player| player.has_learned(song))?;
     let chosen = match own {
-        None => sight_reader()?.map(|pianist| Chosen { pianist, passed_over: None }),
+        None => sight_reader()?.map(|player| Chosen { player, passed_over: None }),
         Some(own) => Some(match better_sight_reader(&own, song, planner) {
-            Some(pianist) => Chosen { pianist, passed_over: Some(own) },
-            None => Chosen { pianist: own, passed_over: None },
+            Some(player) => Chosen { player, passed_over: Some(own) },
+            None => Chosen { player: own, passed_over: None },
         }),
     };
     chosen.with_context(|| {
@@ -97,7 +97,11 @@ const VELOCITY_BONUS: f64 = 0.05;
 
 /// The sight-reader, if in simulation it plays more notes of `song` right than `own` has, and with
 /// a higher F1.
-fn better_sight_reader(own: &Pianist, song: &Song, planner: &mut SongPlanner<'_>) -> Option<Pianist> {
+fn better_sight_reader(
+    own: &LoadedPlayer,
+    song: &Song,
+    planner: &mut SongPlanner<'_>,
+) -> Option<LoadedPlayer> {
     let bonus = if own.config.task.velocities { VELOCITY_BONUS } else { 0.0 };
     let notes = own.claimed_notes.filter(|notes| *notes < song.notes().len() as f64)?;
     let f1 = own.claimed_f1? + bonus;
@@ -130,8 +134,8 @@ mod tests {
         let played = scores_in_simulation(&reader, &piece, &mut planner).unwrap();
         let predicted = predict_zero_shot(&song, &reader.config.task, &piece, &mut planner).unwrap();
         assert!(predicted.notes_right > played.note.matched && predicted.f1 > played.frame.f1 - 0.005);
-        let mut own = open(&shipped_policy("chord-progression").unwrap()).unwrap();
-        let mut is_passed_over = |own: &mut Pianist, notes: usize, f1: f64| {
+        let mut own = load_policy_file(&shipped_policy("chord-progression").unwrap()).unwrap();
+        let mut is_passed_over = |own: &mut LoadedPlayer, notes: usize, f1: f64| {
             (own.claimed_notes, own.claimed_f1) = (Some(notes as f64), Some(f1));
             better_sight_reader(own, &song, &mut planner).is_some()
         };

@@ -10,7 +10,7 @@ use etude_perform::{Correction, Mode};
 use serde::{Deserialize, Serialize};
 
 use crate::json_files::load;
-use crate::pianist::{Pianist, load_pianist};
+use crate::loaded_player::{LoadedPlayer, load_player};
 
 /// A correction that was learned, with all that it is for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,8 +41,8 @@ pub(crate) struct OnlyFor {
 }
 
 impl OnlyFor {
-    pub(crate) fn new(song: &Song, rig: &RigChoice, pianist: &Pianist) -> anyhow::Result<Self> {
-        let file = pianist.file().map(std::fs::read).transpose()?.unwrap_or_default();
+    pub(crate) fn new(song: &Song, rig: &RigChoice, player: &LoadedPlayer) -> anyhow::Result<Self> {
+        let file = player.file().map(std::fs::read).transpose()?.unwrap_or_default();
         Ok(Self { robot: rig.label(), notes: crc32c::crc32c(&song.to_midi()), policy: crc32c::crc32c(&file) })
     }
 }
@@ -57,11 +57,11 @@ impl CorrectionFile {
             .with_context(|| format!("there is no {}; `etude rehearse --adapt` makes it", path.display()))
     }
 
-    /// The pianist that it was learned with, by whose plan `song` is played on `rig`.
+    /// The player that it was learned with, by whose plan `song` is played on `rig`.
     ///
     /// # Errors
     /// If the correction is for something else, or the policy cannot be loaded.
-    pub fn pianist(&self, song: &Song, rig: &RigChoice) -> anyhow::Result<Pianist> {
+    pub fn player(&self, song: &Song, rig: &RigChoice) -> anyhow::Result<LoadedPlayer> {
         if self.song != song.title() {
             bail!(
                 "the correction is for {}, not for {}; learn one for it with `etude rehearse --adapt`",
@@ -69,8 +69,8 @@ impl CorrectionFile {
                 song.title()
             );
         }
-        let mut pianist = load_pianist(&self.policy)?;
-        let now = OnlyFor::new(song, rig, &pianist)?;
+        let mut player = load_player(&self.policy)?;
+        let now = OnlyFor::new(song, rig, &player)?;
         if now.robot != self.only_for.robot {
             bail!(
                 "the correction is for the robot `{}`, not for `{}`; learn one for it with `etude rehearse --adapt`",
@@ -85,7 +85,7 @@ impl CorrectionFile {
                 self.policy.display()
             );
         }
-        pianist.config.task.key_schedule.latency_compensation_secs = self.latency_compensation_secs;
-        Ok(pianist)
+        player.config.task.key_schedule.latency_compensation_secs = self.latency_compensation_secs;
+        Ok(player)
     }
 }

@@ -14,16 +14,16 @@ mod doctor;
 mod errors;
 mod excitations;
 mod folder;
-mod grid;
 mod identify;
 mod json_files;
-mod pianist;
+mod loaded_player;
 mod play;
 mod policy_files;
 mod record;
 mod rehearse;
 mod results;
 mod robot;
+mod robustness;
 mod song_planner;
 mod training;
 mod training_progress;
@@ -32,16 +32,15 @@ mod within_limits;
 mod zero_shot;
 
 pub use adapt::{AdaptConfig, AdaptRun, AdaptStep, Adapted, adapt_on_robot, adapted_before};
-pub use choose_player::{Chosen, pianist_for};
+pub use choose_player::{Chosen, choose_player};
 pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve, stored_config, toml_error};
 pub use correction::CorrectionFile;
 pub use doctor::{Finding, examine};
 pub use errors::{Interrupted, SafetyStop, released};
 pub use excitations::record_excitations;
 pub use folder::{CONFIG, META, SONG, make_folder, player_slug, readable, slug};
-pub use grid::{GridConfig, GridReport, GridScores, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
-pub use pianist::{Pianist, load_pianist};
+pub use loaded_player::{LoadedPlayer, load_player};
 pub use play::{Files, PAGE, PlayReport, RECORDING, REPORT, play, scores_in_simulation};
 pub use policy_files::{policies, policy_called, shipped_policy};
 pub use record::{Recorded, RobotMotion, record_robot};
@@ -52,6 +51,9 @@ pub use rehearse::{
 pub use results::{LATEST, all_results, folder_of_song, is_other_result, latest_result, numbered};
 pub use robot::{
     MeanNotes, RobotPlay, RobotReport, RobotRun, RobotScores, RobotStep, play_on_robot, run_file,
+};
+pub use robustness::{
+    Marginal, RobustnessConfig, RobustnessReport, ScoreSummary, WorldScores, evaluate_robustness,
 };
 pub use song_planner::SongPlanner;
 pub use training::{Training, find_song};

@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::errors::{Interrupted, unusable};
 use crate::folder::SONG;
 use crate::json_files::save_pretty;
-use crate::pianist::Pianist;
+use crate::loaded_player::LoadedPlayer;
 use crate::results::in_new_result;
 use crate::song_planner::SongPlanner;
 
@@ -71,24 +71,24 @@ pub struct Files {
 /// nothing is kept then.
 pub fn play(
     song: &Song,
-    pianist: &Pianist,
+    player: &LoadedPlayer,
     results: &Path,
     font: Option<&SoundFont>,
     planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, f64>,
 ) -> anyhow::Result<PlayReport> {
-    in_new_result(results, |_| true, |folder| play_into(folder, song, pianist, font, planner, job))
+    in_new_result(results, |_| true, |folder| play_into(folder, song, player, font, planner, job))
 }
 
 fn play_into(
     folder: &Path,
     song: &Song,
-    pianist: &Pianist,
+    player: &LoadedPlayer,
     font: Option<&SoundFont>,
     planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, f64>,
 ) -> anyhow::Result<PlayReport> {
-    let task = &pianist.config.task;
+    let task = &player.config.task;
     let piece = planner.plan(song, task)?;
     let files = Files {
         midi: folder.join("performance.mid"),
@@ -98,17 +98,17 @@ fn play_into(
         recording: folder.join(RECORDING),
         report: Some(folder.join(REPORT)),
     };
-    let header = header(&piece, pianist, "simulation", None);
+    let header = header(&piece, player, "simulation", None);
     let mut writer = RecordingWriter::create(&files.recording, &header)?;
-    let mut ready = pianist.ready(task, &piece, planner.on_progress())?;
+    let mut piece_player = player.for_piece(task, &piece, planner.on_progress())?;
     // The scores in a drawn world would depend on the draw; `etude evaluate` plays in many.
     let mut rig = SimRig::nominal(task, &piece)?;
     let interrupt = job.interrupt();
-    let mut player = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
+    let mut with_progress = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
         job.report(&(step as f64 / piece.steps() as f64));
-        ready.act(step, observation, action);
+        piece_player.act(step, observation, action);
     };
-    let performance = perform(&mut rig, &mut player, task, &piece, Some(&mut writer), interrupt)?;
+    let performance = perform(&mut rig, &mut with_progress, task, &piece, Some(&mut writer), interrupt)?;
     writer.finish()?;
     if performance.ending != Ending::Complete {
         // A simulation can be played again.
@@ -124,12 +124,12 @@ fn play_into(
     write_reference(&files.reference, &piece, font)?;
     let report = PlayReport {
         song: song.title().to_string(),
-        player: pianist.name(),
+        player: player.name(),
         steps: performance.pressed.len(),
         scores: performance.scores(),
         reward: simulated.reward,
         collision_free: simulated.collision_free,
-        limits: ready.limits(),
+        limits: piece_player.limits(),
         files,
     };
     song.save(folder.join(SONG))?;
@@ -146,47 +146,47 @@ pub const PAGE: &str = "replay.html";
 /// What should have been played, as sound.
 pub(crate) const REFERENCE: &str = "reference.wav";
 
-/// Scores of the pianist in simulation alone, in the nominal world: the scores in a randomised
+/// Scores of the player in simulation alone, in the nominal world: the scores in a randomised
 /// world depend on the draw.
 ///
 /// # Errors
-/// If the task of the pianist is not sound.
+/// If the task of the player is not sound.
 pub fn scores_in_simulation(
-    pianist: &Pianist,
+    player: &LoadedPlayer,
     piece: &Piece,
     planner: &mut SongPlanner<'_>,
 ) -> anyhow::Result<Scores> {
-    let task = &pianist.config.task;
+    let task = &player.config.task;
     let mut rig = SimRig::nominal(task, piece)?;
-    let mut ready = pianist.ready(task, piece, planner.on_progress())?;
-    Ok(perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.scores())
+    let mut piece_player = player.for_piece(task, piece, planner.on_progress())?;
+    Ok(perform(&mut rig, &mut piece_player, task, piece, None, &AtomicBool::new(false))?.scores())
 }
 
-/// Scores of the pianist in the worlds that the randomisation of its task draws for the seeds below
+/// Scores of the player in the worlds that the randomisation of its task draws for the seeds below
 /// `worlds`.
 ///
 /// # Errors
-/// If the task of the pianist is not sound.
+/// If the task of the player is not sound.
 pub(crate) fn scores_in_worlds(
-    pianist: &Pianist,
+    player: &LoadedPlayer,
     piece: &Piece,
     planner: &mut SongPlanner<'_>,
     worlds: u64,
 ) -> anyhow::Result<Vec<Scores>> {
-    let task = &pianist.config.task;
-    let mut ready = pianist.ready(task, piece, planner.on_progress())?;
+    let task = &player.config.task;
+    let mut piece_player = player.for_piece(task, piece, planner.on_progress())?;
     let mut score = |seed| {
         let mut rig = SimRig::new(task, piece, seed)?;
-        Ok(perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.scores())
+        Ok(perform(&mut rig, &mut piece_player, task, piece, None, &AtomicBool::new(false))?.scores())
     };
     (0..worlds).map(&mut score).collect()
 }
 
-/// The header of a recording in which `pianist` plays `piece` on the rig that is called `rig`.
-pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option<RigConfig>) -> Header {
+/// The header of a recording in which `player` plays `piece` on the rig that is called `rig`.
+pub(crate) fn header(piece: &Piece, player: &LoadedPlayer, rig: &str, config: Option<RigConfig>) -> Header {
     Header {
         song: piece.title().to_string(),
-        player: pianist.name(),
+        player: player.name(),
         rig: rig.to_string(),
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
@@ -195,7 +195,7 @@ pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option
         latency_compensation_secs: piece.latency_compensation_secs(),
         due_notes: piece.notes().iter().map(|note| DueNote::from(piece.as_written(*note))).collect(),
         bar_secs: piece.bars().iter().map(|secs| secs - piece.latency_compensation_secs()).collect(),
-        run: Some(serde_json::to_value(&pianist.config).expect("a configuration is plain data")),
+        run: Some(serde_json::to_value(&player.config).expect("a configuration is plain data")),
         rig_config: config,
         ..Header::default()
     }

@@ -9,14 +9,14 @@ use etude_learn::{
     Outcome, Policy, Score, TrainError, Trainer, TrainerConfig, TrainingInputs, TrainingObserver, seed,
 };
 use etude_music::{Song, SongError};
-use etude_perform::{Job, SongEvaluator, shell_word, write_file};
-use etude_task::{Corpus, TaskConfig, VectorPiano};
+use etude_perform::{Job, TrainingEvaluator, shell_word, write_file};
+use etude_task::{Corpus, PianoVectorEnv, TaskConfig};
 use serde_json::{Value, json};
 
 use crate::config::{RunConfig, change_resumable, stored_config};
 use crate::errors::unusable;
 use crate::folder::{CONFIG, META, SONG, make_folder, other_notes, policy_in};
-use crate::pianist::open;
+use crate::loaded_player::load_policy_file;
 use crate::song_planner::SongPlanner;
 use crate::training_progress::{JobObserver, TrainingProgress};
 use crate::warm_start::warm_start;
@@ -276,7 +276,7 @@ fn with_policy_hint(error: TrainError, folder: &Path) -> anyhow::Error {
 
 /// The task that the run in `folder` has learned so far, if its last policy holds it.
 fn learned_task(folder: &Path) -> Option<TaskConfig> {
-    open(&folder.join("policy-last.safetensors")).ok().map(|pianist| pianist.config.task)
+    load_policy_file(&folder.join("policy-last.safetensors")).ok().map(|player| player.config.task)
 }
 
 /// The song of this name or path; that of a run's folder as it was learned, with its title then.
@@ -345,11 +345,11 @@ fn inputs(
     let root = seed::split(config.trainer.seed, "task");
     let (environment, evaluator) = if let Some(song) = song {
         let piece = planner.plan(song, task)?;
-        (VectorPiano::new(task, &piece, envs, root)?, SongEvaluator::new(task, &piece)?)
+        (PianoVectorEnv::new(task, &piece, envs, root)?, TrainingEvaluator::new(task, &piece)?)
     } else {
         let corpus = Arc::new(Corpus::new(&config.corpus.clone().unwrap_or_default(), task)?);
-        let evaluator = SongEvaluator::of_corpus(task, &corpus)?;
-        (VectorPiano::of_corpus(task, &corpus, envs, root)?, evaluator)
+        let evaluator = TrainingEvaluator::of_corpus(task, &corpus)?;
+        (PianoVectorEnv::of_corpus(task, &corpus, envs, root)?, evaluator)
     };
     // Threads do not change the result, so they are not stored in a policy: same seed, same bytes.
     let defaults = TrainerConfig::default();

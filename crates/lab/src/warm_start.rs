@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::config::RunConfig;
 use crate::folder::policy_in;
-use crate::pianist::open;
+use crate::loaded_player::load_policy_file;
 
 /// `config` for a training that begins with what the run or policy at `source` has learned. The
 /// range of the rail's targets is that of the source, whose actions have no meaning in another one.
@@ -17,7 +17,7 @@ use crate::pianist::open;
 /// too, which it has learned to play.
 pub fn beginning_with(mut config: RunConfig, source: &Path) -> RunConfig {
     let file = if source.is_dir() { policy_in(source) } else { Some(source.to_path_buf()) };
-    let Some(theirs) = file.and_then(|file| open(&file).ok()).map(|pianist| pianist.config) else {
+    let Some(theirs) = file.and_then(|file| load_policy_file(&file).ok()).map(|player| player.config) else {
         return config;
     };
     config.task.rail_range = theirs.task.rail_range;

@@ -10,7 +10,7 @@ use etude_robot::rig_file::LimitsConfig;
 use etude_task::{Piece, TaskError};
 
 use crate::choose_player::sight_reader;
-use crate::pianist::Pianist;
+use crate::loaded_player::LoadedPlayer;
 use crate::song_planner::SongPlanner;
 
 /// Factors for the duration that are tried, in this order.
@@ -43,14 +43,14 @@ pub enum Remedy {
 }
 
 /// Whether `song` is too fast for a rig with these limits: more than a tenth of the notes that
-/// `pianist` plays in simulation are lost there. `is_named` says that the same player plays a
+/// `player` plays in simulation are lost there. `is_named` says that the same player plays a
 /// slower song too; otherwise that is the sight-reader.
 ///
 /// # Errors
 /// If the player's task is not sound.
 pub fn too_fast(
     song: &Song,
-    pianist: &Pianist,
+    player: &LoadedPlayer,
     is_named: bool,
     limits: &LimitsConfig,
     planner: &mut SongPlanner<'_>,
@@ -59,28 +59,28 @@ pub fn too_fast(
     if lowered.is_empty() {
         return Ok(None);
     }
-    let piece = planner.plan(song, &pianist.config.task)?;
-    let notes_right = notes_right(pianist, &piece, limits, planner)?;
-    if enough(notes_right, self::notes_right(pianist, &piece, &LimitsConfig::default(), planner)?) {
+    let piece = planner.plan(song, &player.config.task)?;
+    let notes_right = notes_right(player, &piece, limits, planner)?;
+    if enough(notes_right, self::notes_right(player, &piece, &LimitsConfig::default(), planner)?) {
         return Ok(None);
     }
-    let remedy = remedy(song, pianist, is_named, &piece, limits, planner)?;
+    let remedy = remedy(song, player, is_named, &piece, limits, planner)?;
     Ok(Some(TooFast { notes_right, notes_due: piece.notes().len(), lowered, remedy }))
 }
 
 fn remedy(
     song: &Song,
-    pianist: &Pianist,
+    player: &LoadedPlayer,
     is_named: bool,
     piece: &Piece,
     limits: &LimitsConfig,
     planner: &mut SongPlanner<'_>,
 ) -> anyhow::Result<Remedy> {
     let reader = if is_named { None } else { sight_reader()? };
-    let player = reader.as_ref().unwrap_or(pianist);
+    let slow_player = reader.as_ref().unwrap_or(player);
     for factor in FACTORS {
-        let Ok(slow) = planner.plan(&song.stretch(factor)?, &player.config.task) else { break };
-        let right = notes_right(player, &slow, limits, planner)?;
+        let Ok(slow) = planner.plan(&song.stretch(factor)?, &slow_player.config.task) else { break };
+        let right = notes_right(slow_player, &slow, limits, planner)?;
         if enough(right, slow.notes().len()) {
             return Ok(Remedy::Slower(factor, right));
         }
@@ -91,7 +91,7 @@ fn remedy(
     let LimitsConfig { finger_velocity, finger_acceleration, finger_jerk, .. } = *limits;
     let fast_rail = LimitsConfig { finger_velocity, finger_acceleration, finger_jerk, ..default };
     for (group, limits) in [("finger", fast_fingers), ("rail", fast_rail)] {
-        let right = notes_right(pianist, piece, &limits, planner)?;
+        let right = notes_right(player, piece, &limits, planner)?;
         if enough(right, piece.notes().len()) {
             return Ok(Remedy::Raise(group, right));
         }
@@ -121,16 +121,16 @@ fn lowered(limits: &LimitsConfig) -> Vec<String> {
 /// Notes that are right in a simulation within these limits, as if the commands had been sent
 /// earlier by what all notes are late.
 fn notes_right(
-    pianist: &Pianist,
+    player: &LoadedPlayer,
     piece: &Piece,
     limits: &LimitsConfig,
     planner: &mut SongPlanner<'_>,
 ) -> anyhow::Result<usize> {
-    let task = &pianist.config.task;
+    let task = &player.config.task;
     let params = within_limits(task.params().map_err(TaskError::from)?, limits);
     let mut rig = SimRig::in_world(task, piece, &params)?;
-    let mut ready = pianist.ready(task, piece, planner.on_progress())?;
-    let played = perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.notes();
+    let mut piece_player = player.for_piece(task, piece, planner.on_progress())?;
+    let played = perform(&mut rig, &mut piece_player, task, piece, None, &AtomicBool::new(false))?.notes();
     let lag_secs = note_scores(piece.notes(), &played).lag_secs.unwrap_or(0.0);
     let lag_secs = lag_secs.clamp(0.0, MAX_LATENCY_COMPENSATION_SECS);
     let earlier = |note: &Note| {
@@ -146,13 +146,13 @@ mod tests {
     use etude_music::repertoire;
 
     use super::*;
-    use crate::pianist::open;
+    use crate::loaded_player::load_policy_file;
     use crate::policy_files::shipped_policy;
 
     #[test]
     fn a_song_is_too_fast_for_lowered_limits_until_it_is_slow_enough() {
         let song = repertoire::get("twinkle").unwrap();
-        let twinkle = open(&shipped_policy("twinkle").unwrap()).unwrap();
+        let twinkle = load_policy_file(&shipped_policy("twinkle").unwrap()).unwrap();
         let mut planner = SongPlanner::default();
         let mut found =
             |limits: &LimitsConfig| too_fast(&song, &twinkle, false, limits, &mut planner).unwrap();

@@ -5,7 +5,7 @@
 use std::sync::atomic::AtomicBool;
 
 use etude_lab::{
-    RobotPlay, RobotStep, SongPlanner, find_song, load_pianist, play_on_robot, run_file, shipped_policy,
+    RobotPlay, RobotStep, SongPlanner, find_song, load_player, play_on_robot, run_file, shipped_policy,
 };
 use etude_music::CONTROL_HZ;
 use etude_perform::session::rig_choice;
@@ -40,11 +40,11 @@ proptest! {
 
         let folder = tempfile::tempdir().unwrap();
         let rig = rig_choice("twin", "standard").unwrap();
-        let pianist = load_pianist(&shipped_policy("twinkle").unwrap()).unwrap();
+        let player = load_player(&shipped_policy("twinkle").unwrap()).unwrap();
         let song = find_song("twinkle", false).unwrap();
         let play = RobotPlay {
             correction: Some(correction),
-            ..RobotPlay::new(&song, &pianist, &rig, mode)
+            ..RobotPlay::new(&song, &player, &rig, mode)
         };
         let (never, mut silent) = (AtomicBool::new(false), |_: &RobotStep| {});
         let mut job = Job::new(&mut silent, &never);

@@ -8,7 +8,6 @@
 
 mod correction;
 mod error;
-mod evaluate;
 mod excitation;
 mod files;
 mod job;
@@ -16,6 +15,7 @@ mod key_correction;
 mod messages;
 mod mirrored;
 mod mode;
+mod note_counts;
 #[allow(clippy::module_inception)] // The loop has the crate's name because it is what the crate is for.
 mod perform;
 mod performance;
@@ -31,11 +31,11 @@ mod sim_rig;
 pub mod stats;
 mod terminated_file;
 mod timing;
+mod training_evaluator;
 mod writer;
 
 pub use correction::{Correction, Delays, Tracking};
 pub use error::{PerformError, RecordingError};
-pub use evaluate::{LEARNED_F1, NoteCounts, SCORES, SongEvaluator};
 pub use excitation::{Excitation, ExcitationPlayer};
 pub use files::{FileError, write_file, write_frames_csv};
 pub use job::Job;
@@ -45,6 +45,7 @@ pub use messages::{
     RewardMessage, SetPointMessage, StepMessage, TargetMessage,
 };
 pub use mode::Mode;
+pub use note_counts::NoteCounts;
 pub use perform::perform;
 pub use performance::{Ending, Performance, PlayedStep, RobotResult, Scores, SimulationResult, gap};
 pub use prepare::{prepare, record_release};
@@ -56,4 +57,5 @@ pub use shaping::{shaping_params, within_limits};
 pub use shell::{shell_line, shell_word};
 pub use sim_rig::SimRig;
 pub use timing::{Timing, TimingReport};
+pub use training_evaluator::{LEARNED_F1, SCORES, TrainingEvaluator};
 pub use writer::RecordingWriter;

@@ -200,7 +200,7 @@ pub struct PolicyMessage {
     /// The action, −1 to 1.
     pub action: Vec<f32>,
     /// Time from the beginning of the step until its command was there, s.
-    pub late_secs: f64,
+    pub command_late_secs: f64,
 }
 
 /// A set-point of a robot: what was asked, and what the limiter let through.

@@ -93,7 +93,7 @@ impl<'a> RobotRig<'a> {
                 step,
                 observation: observation.to_vec(),
                 action: command.action.to_vec(),
-                late_secs: late.as_secs_f64(),
+                command_late_secs: late.as_secs_f64(),
             })
         })?;
         if self.correction.is_some() {
@@ -185,6 +185,7 @@ impl Rig for RobotRig<'_> {
         recorder: &mut Recorder<'_>,
     ) -> Result<StepEnd, PerformError> {
         let mut waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
+        self.shaping.resume_rail(self.robot.rail_set_point());
         self.shaping.shape(&command.targets, &mut waypoints);
         let followed = self.follow(&waypoints, command, observation, recorder)?;
         Ok(followed.map(|pressed| PlayedStep { pressed, simulated: None }))

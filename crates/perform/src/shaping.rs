@@ -17,10 +17,15 @@ pub(crate) type Waypoints = [[f64; DRIVEN_JOINTS]; PHYSICS_STEPS];
 /// does not clamp them.
 const LIMIT_SHARE: f64 = 0.95;
 
+/// Set-points of the rail that differ by no more are the same, m.
+const SAME_M: f64 = 1e-6;
+
 /// Shapes targets into set-points.
 pub(crate) struct Shaping {
     gains: [ControllerConstants; DRIVEN_JOINTS],
     controllers: [Controller; DRIVEN_JOINTS],
+    /// The rail's last two set-points, m.
+    rail: [f64; 2],
 }
 
 impl Shaping {
@@ -31,7 +36,16 @@ impl Shaping {
         let gains = std::array::from_fn(|joint| {
             ControllerConstants::new(&params, joint, Actuation::Controlled, step)
         });
-        Self { gains, controllers: pose.map(Controller::at_rest) }
+        Self { gains, controllers: pose.map(Controller::at_rest), rail: [pose[RAIL]; 2] }
+    }
+
+    /// Goes on from the rail's set-point as the robot has it (m, and m/s), where its interlock has
+    /// held it back: a simulated rail that is held goes on from there too.
+    pub(crate) fn resume_rail(&mut self, [position, velocity]: [f64; 2]) {
+        // The robot may still have the last set-point before it.
+        if self.rail.iter().all(|shaped| (shaped - position).abs() > SAME_M) {
+            self.controllers[RAIL].resume(position, velocity);
+        }
     }
 
     /// The set-points of a control step with these targets.
@@ -40,8 +54,9 @@ impl Shaping {
             for joint in 0..DRIVEN_JOINTS {
                 let [low, high] = joint_range(joint);
                 let target = targets[joint].clamp(low, high);
-                waypoint[joint] = self.controllers[joint].follow(&self.gains[joint], target);
+                waypoint[joint] = self.controllers[joint].step_set_point(&self.gains[joint], target);
             }
+            self.rail = [self.rail[1], waypoint[RAIL]];
         }
     }
 }
@@ -61,19 +76,18 @@ pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
 }
 
 /// The limits of a rig whose shaping is as quick as the joints of a simulator with these
-/// parameters: the defaults, and higher where the simulator is quicker, as far as a rig may have
-/// them. So a policy moves a twin as it has learned to.
+/// parameters, as far as a rig may have them. So a policy moves a twin as it has learned to.
 pub fn limits_for(params: &PhysicalParams) -> LimitsConfig {
     let usual = LimitsConfig::default();
     // A fit estimates the jerk limit, so that the acceleration limit stands for both. Rounded, so
     // that the limits of a simulator that was fitted to such a rig are the same again.
     let limits = |joint: usize, max: [f64; 3]| {
         let usual = of_joint(&usual, joint);
-        let quicker = |row, usual: f64| {
-            let share = (params.joint(row, joint) / PhysicalParams::default().joint(row, joint)).max(1.0);
+        let scaled = |row, usual: f64| {
+            let share = params.joint(row, joint) / PhysicalParams::default().joint(row, joint);
             (usual * share * 1e3).round() / 1e3
         };
-        let (velocity, acceleration) = (quicker(ROWS[0], usual[0]), quicker(ROWS[1], usual[1]));
+        let (velocity, acceleration) = (scaled(ROWS[0], usual[0]), scaled(ROWS[1], usual[1]));
         let jerk = usual[2] * acceleration / usual[1];
         [velocity.min(max[0]), acceleration.min(max[1]), jerk.min(max[2])]
     };
@@ -149,6 +163,38 @@ mod tests {
         // A rig's lower limits count.
         let slow = LimitsConfig { rail_acceleration: 1.0, ..LimitsConfig::default() };
         assert_eq!(shaping_params(&slow).get("joint.rail.acceleration_limit").unwrap(), 0.95);
+        // A rig is as slow as a slow simulator, too.
+        let mut slow = PhysicalParams::default();
+        slow.set("joint.rail.velocity_limit", 0.38).unwrap();
+        assert!((limits_for(&slow).rail_velocity - 0.4).abs() < 1e-3);
+    }
+
+    /// The shaping of a rail that was held back goes on from where the rail is: otherwise it would
+    /// have to catch up with what the policy asked for meanwhile, and the policy would see it late.
+    #[test]
+    fn a_rail_that_was_held_back_is_not_asked_to_catch_up() {
+        let mut waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
+        let mut targets = [0.0; DRIVEN_JOINTS];
+        targets[RAIL] = 0.2;
+        let asked = |held: bool, waypoints: &mut Waypoints| {
+            let mut shaping = Shaping::new(&LimitsConfig::default(), &[0.0; DRIVEN_JOINTS]);
+            (0..3).for_each(|_| shaping.shape(&targets, waypoints));
+            let last = [waypoints[PHYSICS_STEPS - 2][RAIL], waypoints[PHYSICS_STEPS - 1][RAIL]];
+            let velocity = (last[1] - last[0]) / 0.005;
+            // The robot has the last set-point or that before it, or it was held 30 mm behind.
+            for position in last {
+                shaping.resume_rail([position, velocity]);
+            }
+            if held {
+                shaping.resume_rail([last[1] - 0.03, 0.1]);
+            }
+            shaping.shape(&targets, waypoints);
+            (last[1], waypoints[0][RAIL])
+        };
+        let (last, free) = asked(false, &mut waypoints);
+        assert!((0.0..0.005).contains(&(free - last)), "{last} {free}");
+        let (last, held) = asked(true, &mut waypoints);
+        assert!((0.0..0.001).contains(&(held - (last - 0.03))), "{last} {held}");
     }
 
     proptest! {

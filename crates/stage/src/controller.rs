@@ -10,6 +10,9 @@
 //!        ─► PD ─► clamp ─► dead band ─► torque
 //! ```
 //!
+//! The *reference* is what the queue of the delay takes, the *set-point* what leaves it: the PD
+//! follows the set-point. Methods named `step…` advance the controller by one physics step.
+//!
 //! The delay is last because the reference is smooth, unlike the targets: it can be interpolated
 //! between two physics steps, so that a fit of the delay has gradients. For delays of whole steps
 //! the order makes no difference.
@@ -83,12 +86,12 @@ impl ControllerConstants {
         }
     }
 
-    /// The PD law: torque toward the position `wanted`, beyond the dead band.
-    fn torque(&self, wanted: f64, measured: f64, velocity: f64) -> f64 {
+    /// The PD law: torque toward `set_point`, beyond the dead band.
+    fn pd_torque(&self, set_point: f64, measured: f64, velocity: f64) -> f64 {
         let torque = match self.actuation {
-            Actuation::Position => self.stiffness * (wanted - measured),
+            Actuation::Position => self.stiffness * (set_point - measured),
             Actuation::Controlled => {
-                let torque = self.stiffness * (wanted - measured) - self.damping * velocity;
+                let torque = self.stiffness * (set_point - measured) - self.damping * velocity;
                 torque.clamp(-self.torque_limit, self.torque_limit)
             }
         };
@@ -119,12 +122,12 @@ impl Controller {
     /// At rest at `position`, which is also its target.
     pub fn at_rest(position: f64) -> Self {
         let mut controller = Self { queue: vec![0.0; QUEUE], ..Self::default() };
-        controller.rest(position);
+        controller.reset_to_rest(position);
         controller
     }
 
     /// Back to rest at `position`, without allocating.
-    pub fn rest(&mut self, position: f64) {
+    pub fn reset_to_rest(&mut self, position: f64) {
         self.queue.fill(position);
         self.head = 0;
         self.filtered = position;
@@ -133,8 +136,14 @@ impl Controller {
         self.acceleration = 0.0;
     }
 
-    /// The set-point now, before the delay.
-    pub fn set_point(&self) -> f64 {
+    /// Goes on from a reference at `position` that moves at `velocity`: something else has moved
+    /// it.
+    pub fn resume(&mut self, position: f64, velocity: f64) {
+        (self.position, self.velocity, self.acceleration) = (position, velocity, 0.0);
+    }
+
+    /// The reference now.
+    pub fn reference(&self) -> f64 {
         self.queue[self.head]
     }
 
@@ -150,8 +159,8 @@ impl Controller {
         self.velocity
     }
 
-    /// One physics step as [`torque`](Self::torque) in which the reference brakes.
-    pub(crate) fn braking_torque(
+    /// One physics step as [`step`](Self::step) in which the reference brakes.
+    pub(crate) fn step_braking(
         &mut self,
         constants: &ControllerConstants,
         target: f64,
@@ -160,8 +169,8 @@ impl Controller {
     ) -> f64 {
         self.filtered = self.low_passed(constants, target);
         self.advance(constants, stop(constants, self.position, self.velocity));
-        let wanted = self.delayed(constants, self.position);
-        constants.torque(wanted, measured, velocity)
+        let set_point = self.delayed(constants, self.position);
+        constants.pd_torque(set_point, measured, velocity)
     }
 
     /// Whether a deserialised controller is consistent.
@@ -171,34 +180,34 @@ impl Controller {
 
     /// One physics step: the torque for `target` when the encoder reads `measured` and the joint
     /// moves at `velocity`.
-    pub fn torque(
+    pub fn step(
         &mut self,
         constants: &ControllerConstants,
         target: f64,
         measured: f64,
         velocity: f64,
     ) -> f64 {
-        let wanted = self.follow(constants, target);
-        constants.torque(wanted, measured, velocity)
+        let set_point = self.step_set_point(constants, target);
+        constants.pd_torque(set_point, measured, velocity)
     }
 
-    /// One physics step as [`torque`](Self::torque), but `reference` is followed without low-pass
-    /// and limits: for set-points that were shaped already.
-    pub fn track(
+    /// One physics step as [`step`](Self::step) with this `reference`, without low-pass and limits:
+    /// for references that were shaped already.
+    pub fn step_tracking(
         &mut self,
         constants: &ControllerConstants,
         reference: f64,
         measured: f64,
         velocity: f64,
     ) -> f64 {
-        let wanted = self.delayed(constants, reference);
-        constants.torque(wanted, measured, velocity)
+        let set_point = self.delayed(constants, reference);
+        constants.pd_torque(set_point, measured, velocity)
     }
 
     /// One physics step without a torque: the set-point for `target`, for a robot whose own drives
     /// follow set-points.
-    pub fn follow(&mut self, constants: &ControllerConstants, target: f64) -> f64 {
-        let wanted = match constants.actuation {
+    pub fn step_set_point(&mut self, constants: &ControllerConstants, target: f64) -> f64 {
+        let reference = match constants.actuation {
             Actuation::Position => target,
             Actuation::Controlled => {
                 self.filtered = self.low_passed(constants, target);
@@ -206,7 +215,7 @@ impl Controller {
                 self.position
             }
         };
-        self.delayed(constants, wanted)
+        self.delayed(constants, reference)
     }
 
     /// The target after the low-pass, in this physics step.
@@ -214,10 +223,10 @@ impl Controller {
         self.filtered + constants.smoothing * (target - self.filtered)
     }
 
-    /// The delayed set-point, interpolated linearly between two physics steps.
-    fn delayed(&mut self, constants: &ControllerConstants, wanted: f64) -> f64 {
+    /// The set-point after this `reference`, interpolated linearly between two physics steps.
+    fn delayed(&mut self, constants: &ControllerConstants, reference: f64) -> f64 {
         self.head = (self.head + 1) % QUEUE;
-        self.queue[self.head] = wanted;
+        self.queue[self.head] = reference;
         let (whole, rest) = constants.delay;
         let ago = |steps: usize| self.queue[(self.head + QUEUE - steps) % QUEUE];
         ago(whole) + rest * (ago(whole + 1) - ago(whole))
@@ -237,10 +246,11 @@ impl Controller {
         // overshoot.
         let stoppable = (constants.acceleration_limit * error.abs()).sqrt();
         let speed = (constants.approach * error.abs()).min(stoppable).min(constants.velocity_limit);
-        let wanted = (speed.copysign(error) - self.velocity) / constants.settle_secs;
-        let wanted = wanted.clamp(-constants.acceleration_limit, constants.acceleration_limit);
-        let most = constants.jerk_limit * dt;
-        let acceleration = self.acceleration + (wanted - self.acceleration).clamp(-most, most);
+        let desired = (speed.copysign(error) - self.velocity) / constants.settle_secs;
+        let desired = desired.clamp(-constants.acceleration_limit, constants.acceleration_limit);
+        let max_change = constants.jerk_limit * dt;
+        let change = (desired - self.acceleration).clamp(-max_change, max_change);
+        let acceleration = self.acceleration + change;
         let velocity = self.velocity + acceleration * dt;
         let limited = velocity.clamp(-constants.velocity_limit, constants.velocity_limit);
         [self.position + limited * dt, limited, acceleration]
@@ -274,7 +284,7 @@ mod tests {
             let mut controller = Controller::at_rest(0.0);
             let mut previous = [0.0; 3];
             for target in targets.iter().flat_map(|t| std::iter::repeat_n(*t, 10)) {
-                let torque = controller.torque(&constants, target, 0.0, 0.0);
+                let torque = controller.step(&constants, target, 0.0, 0.0);
                 prop_assert!(torque.abs() <= constants.torque_limit);
                 let now = [controller.position, controller.velocity, controller.acceleration];
                 let slack = 1.0 + 1e-9;
@@ -292,7 +302,7 @@ mod tests {
             let mut controller = Controller::at_rest(0.0);
             let mut furthest: f64 = 0.0;
             for _ in 0..600 {
-                controller.torque(&constants, target, 0.0, 0.0);
+                controller.step(&constants, target, 0.0, 0.0);
                 furthest = furthest.max(controller.position * target.signum());
             }
             prop_assert!((controller.position - target).abs() < 1e-4);
@@ -302,19 +312,19 @@ mod tests {
 
     #[test]
     fn a_delay_puts_a_target_off_by_steps_and_parts_of_them() {
-        let follow = |delay: f64| -> Vec<f64> {
+        let set_points = |delay: f64| -> Vec<f64> {
             let mut params = PhysicalParams::default();
             params.set("joint.rail.delay", delay).unwrap();
             let constants = ControllerConstants::new(&params, RAIL, Actuation::Position, STEP);
             let mut controller = Controller::at_rest(0.0);
-            (0..6).map(|_| controller.follow(&constants, 1.0)).collect()
+            (0..6).map(|_| controller.step_set_point(&constants, 1.0)).collect()
         };
         for whole in 0..=20u8 {
             // As 0.03 / 0.005, which is not 6 to a computer.
-            let followed = follow(f64::from(whole) * STEP);
-            assert_eq!(followed, [0, 1, 2, 3, 4, 5].map(|step| f64::from(u8::from(step >= whole))));
+            let delayed = set_points(f64::from(whole) * STEP);
+            assert_eq!(delayed, [0, 1, 2, 3, 4, 5].map(|step| f64::from(u8::from(step >= whole))));
         }
-        let quarter = follow(0.01 + 0.25 * STEP);
+        let quarter = set_points(0.01 + 0.25 * STEP);
         assert!(quarter.iter().zip([0.0, 0.0, 0.75, 1.0, 1.0, 1.0]).all(|(a, b)| (a - b).abs() < 1e-9));
     }
 
@@ -324,31 +334,32 @@ mod tests {
         params.set("joint.index_1.delay", 0.01).unwrap();
         let constants = ControllerConstants::new(&params, 1, Actuation::Controlled, STEP);
         let mut controller = Controller::at_rest(0.0);
-        let torques: Vec<f64> = (0..4).map(|_| controller.track(&constants, 0.1, 0.02, 0.5)).collect();
-        let law = |wanted: f64| 3.0 * (wanted - 0.02) - 0.1 * 0.5;
+        let torques: Vec<f64> =
+            (0..4).map(|_| controller.step_tracking(&constants, 0.1, 0.02, 0.5)).collect();
+        let law = |set_point: f64| 3.0 * (set_point - 0.02) - 0.1 * 0.5;
         assert_eq!(torques, [law(0.0), law(0.0), law(0.1), law(0.1)]);
     }
 
     #[test]
     fn a_motor_moves_nothing_within_its_dead_band() {
         for actuation in [Actuation::Controlled, Actuation::Position] {
-            let torque = |dead_band: f64, wanted: f64| {
+            let torque = |dead_band: f64, reference: f64| {
                 let mut params = PhysicalParams::default();
                 params.set("joint.index_1.dead_band", dead_band).unwrap();
                 let constants = ControllerConstants::new(&params, 1, actuation, STEP);
-                Controller::at_rest(0.0).track(&constants, wanted, 0.0, 0.0)
+                Controller::at_rest(0.0).step_tracking(&constants, reference, 0.0, 0.0)
             };
-            for wanted in [-0.1, -0.003, 0.0, 0.003, 0.1] {
-                let (with, without) = (torque(0.012, wanted), torque(0.0, wanted));
+            for reference in [-0.1, -0.003, 0.0, 0.003, 0.1] {
+                let (with, without) = (torque(0.012, reference), torque(0.0, reference));
                 let expected = (without.abs() - 0.012).max(0.0) * without.signum();
-                assert!((with - expected).abs() < 1e-15, "{actuation:?} {wanted}: {with}, {expected}");
+                assert!((with - expected).abs() < 1e-15, "{actuation:?} {reference}: {with}, {expected}");
             }
         }
         // What the clamp leaves of a torque loses the dead band.
         let mut params = PhysicalParams::default();
         params.set("joint.index_1.dead_band", 0.0125).unwrap();
         let constants = ControllerConstants::new(&params, 1, Actuation::Controlled, STEP);
-        assert_eq!(Controller::at_rest(0.0).track(&constants, 1.0, 0.0, 0.0), 0.55);
+        assert_eq!(Controller::at_rest(0.0).step_tracking(&constants, 1.0, 0.0, 0.0), 0.55);
     }
 
     #[test]
@@ -357,7 +368,7 @@ mod tests {
         let mut controller = Controller::at_rest(0.0);
         let distance = crate::geometry::WHITE_PITCH;
         let steps = (1..400).find(|_| {
-            controller.torque(&constants, distance, 0.0, 0.0);
+            controller.step(&constants, distance, 0.0, 0.0);
             (controller.position - distance).abs() < 0.1 * distance
         });
         let fastest = (32.0 * distance / constants.jerk_limit).cbrt();

@@ -13,7 +13,7 @@ use std::io::Write as _;
 use std::time::Instant;
 
 use etude_learn::{StepBatch, VectorEnvironment as _};
-use etude_task::{ACTION_LEN, Piece, TaskConfig, VectorPiano};
+use etude_task::{ACTION_LEN, PianoVectorEnv, Piece, TaskConfig};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (num_envs, secs): (usize, f64) = (num_envs.parse()?, secs.parse()?);
     let config = TaskConfig::default();
     let piece = Piece::for_task(&etude_music::resolve(song)?, &config)?;
-    let mut vector = VectorPiano::new(&config, &piece, num_envs, 0)?;
+    let mut vector = PianoVectorEnv::new(&config, &piece, num_envs, 0)?;
     let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());
     let bytes = std::fs::read(actions)?;
     let (values, _) = bytes.as_chunks::<4>();

@@ -9,7 +9,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
 use crate::environment::Environment;
-use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError, VectorPiano, layout};
+use crate::{ACTION_LEN, PianoVectorEnv, Piece, TargetRange, TaskConfig, TaskError, layout};
 
 /// Rates of one measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,7 +81,7 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<StepRates
 pub fn all_cores(config: &TaskConfig, song: &Song, secs: f64) -> Result<f64, TaskError> {
     let piece = Piece::for_task(song, config)?;
     let num_envs = 4 * std::thread::available_parallelism().map_or(1, usize::from);
-    let mut vector = VectorPiano::new(config, &piece, num_envs, 0)?;
+    let mut vector = PianoVectorEnv::new(config, &piece, num_envs, 0)?;
     let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());
     let mut random = Pcg64::seed_from_u64(0);
     let mut actions = vec![0.0; num_envs * ACTION_LEN];

@@ -4,7 +4,7 @@
 //! A [`Piece`] is a song in control steps. A [`Stepper`] goes through it: what a [`Player`]
 //! observes, and which joint targets its action means. A [`Simulation`] moves to them and evaluates
 //! the reward. An [`Environment`] is both, once per episode, with a new piece of a [`Corpus`] in
-//! each if there is one; [`VectorPiano`] runs many environments in parallel for the learner.
+//! each if there is one; [`PianoVectorEnv`] runs many environments in parallel for the learner.
 
 mod assignment;
 pub mod bench;
@@ -22,7 +22,7 @@ pub mod reward;
 pub mod scripted;
 mod simulation;
 mod stepper;
-mod vector;
+mod vector_env;
 pub mod window;
 
 pub use assignment::assign;
@@ -39,7 +39,7 @@ pub use range::TargetRange;
 pub use scripted::{Lags, ScriptedBaseline, shortest_silences};
 pub use simulation::{Simulation, StepResult};
 pub use stepper::{Command, RigState, Stepper};
-pub use vector::VectorPiano;
+pub use vector_env::PianoVectorEnv;
 
 /// Length of an action: one target per driven joint.
 pub const ACTION_LEN: usize = etude_stage::DRIVEN_JOINTS;

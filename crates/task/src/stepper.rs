@@ -21,7 +21,7 @@ pub struct RigState {
 
 impl From<&World> for RigState {
     fn from(world: &World) -> Self {
-        Self { joints: world.joints(), set_points: world.set_points(), keys: world.pressed() }
+        Self { joints: world.joints(), set_points: world.references(), keys: world.pressed() }
     }
 }
 

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use etude_learn::{StepBatch, VectorEnvironment as _};
 use etude_music::repertoire;
-use etude_task::{ACTION_LEN, Piece, ScriptedBaseline, TaskConfig, VectorPiano};
+use etude_task::{ACTION_LEN, PianoVectorEnv, Piece, ScriptedBaseline, TaskConfig};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -46,7 +46,7 @@ fn do_not_allocate(config: &TaskConfig) {
     let song = repertoire::get("twinkle").expect("built in");
     let piece = Piece::for_task(&song, config).unwrap();
     let num_envs = 3;
-    let mut vector = VectorPiano::new(config, &piece, num_envs, 0).unwrap();
+    let mut vector = PianoVectorEnv::new(config, &piece, num_envs, 0).unwrap();
     let player = ScriptedBaseline::new(config, &piece).unwrap();
     let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());
     let mut random = Pcg64::seed_from_u64(0);

@@ -1,5 +1,6 @@
 //! `etude completions`: completions of the command line for a shell.
 
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use clap::{Arg, Command, ValueHint, value_parser};
 use clap_complete::Shell;
 
@@ -14,6 +15,7 @@ Examples:
   etude completions fish > ~/.config/fish/completions/etude.fish")]
 pub struct Args {
     /// The shell
+    #[arg(value_parser = PossibleValuesParser::new(["bash", "zsh", "fish"]).try_map(|shell| shell.parse::<Shell>()))]
     shell: Shell,
 }
 

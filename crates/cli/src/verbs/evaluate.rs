@@ -5,9 +5,9 @@ use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 
 use clap::ValueHint;
-use etude_lab::{GridConfig, GridReport, GridScores, SONG, evaluate_grid, find_song};
+use etude_lab::{RobustnessConfig, RobustnessReport, SONG, ScoreSummary, evaluate_robustness, find_song};
 
-use crate::args::{self, PianistArgs};
+use crate::args::{self, PlayerArgs};
 use crate::output::{VerbEnd, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::{Status, planner};
@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long)]
     keep_silence: bool,
     #[command(flatten)]
-    pianist: PianistArgs,
+    player: PlayerArgs,
     /// Number of worlds beside the nominal one
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     worlds: u32,
@@ -61,10 +61,11 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let song = find_song(&args.song, args.keep_silence)?;
     song.check_range()?;
     let mut planner = planner(args.json);
-    let pianist = args.pianist.load(&args.song, &song, &mut planner)?;
-    let default = Path::new("out").join(args.pianist.folder_name(&args.song) + "-worlds");
+    let player = args.player.load(&args.song, &song, &mut planner)?;
+    let default = Path::new("out").join(args.player.folder_name(&args.song) + "-worlds");
     let out = args.out.unwrap_or_else(|| args::folder_of(&song, default));
-    let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
+    let config =
+        RobustnessConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
     let stop = stop_flag()?;
     let status = Mutex::new(Status::late(args.json));
     let watch = |done: usize| {
@@ -73,7 +74,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
         status.part("playing", &format!(", {done} worlds done"), share);
         !stop.load(Ordering::Relaxed)
     };
-    let report = evaluate_grid(&song, &pianist, &grid, &mut planner, &watch)?;
+    let report = evaluate_robustness(&song, &player, &config, &mut planner, &watch)?;
     drop(status);
     let Some(mut report) = report else {
         note("stopped; nothing was written");
@@ -91,10 +92,10 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     Ok(VerbEnd::Done)
 }
 
-fn print(report: &GridReport) -> anyhow::Result<()> {
+fn print(report: &RobustnessReport) -> anyhow::Result<()> {
     line(format!(
         "{} played by {} in {} worlds of intensity {}",
-        report.song, report.player, report.grid.worlds, report.grid.intensity
+        report.song, report.player, report.config.worlds, report.config.intensity
     ))?;
     line(format!("{:16} {:>16} {:>7} {:>8} {:>8}", "", "notes right", "wrong", "late", "F1"))?;
     for (name, scores) in [
@@ -103,7 +104,7 @@ fn print(report: &GridReport) -> anyhow::Result<()> {
         ("worst tenth", report.worst_decile),
         ("worst world", report.worst),
     ] {
-        let GridScores { notes_right: right, notes_wrong: wrong, onset_error_secs: late, f1 } = scores;
+        let ScoreSummary { notes_right: right, notes_wrong: wrong, onset_error_secs: late, f1 } = scores;
         let notes = format!("{right:.1} of {}", report.notes_due);
         let late = late.map_or_else(String::new, |secs| format!("{:+.0} ms", 1e3 * secs));
         line(format!("{name:16} {notes:>16} {wrong:>7.1} {late:>8} {f1:>8.3}"))?;

@@ -262,7 +262,7 @@ fn estimate(trials: &[Trial], runs: &Path, workers: usize) -> anyhow::Result<Ver
     let workers = workers.min(trials.max(1));
     let each = clock(core_secs / workers as f64);
     line(format!("{trials} trials to do: {steps} steps of training and {fits} fits of the simulator"))?;
-    line(format!("some {} of one core, {each} with {workers} at a time", clock(core_secs)))?;
+    line(format!("some {} of one core, at most {each} with {workers} at a time", clock(core_secs)))?;
     Ok(VerbEnd::Done)
 }
 

@@ -6,7 +6,7 @@ use clap::ValueHint;
 use etude_lab::find_song;
 use etude_show::export::export_onnx;
 
-use crate::args::{self, PianistArgs, slug};
+use crate::args::{self, PlayerArgs, slug};
 use crate::files::{check_replaceable, output_file};
 use crate::output::{VerbEnd, line, print_json};
 use crate::status::planner;
@@ -41,7 +41,7 @@ enum What {
         #[arg(short = 'o', long = "out", value_name = "FILE.onnx")]
         out: Option<PathBuf>,
         #[command(flatten)]
-        pianist: PianistArgs,
+        player: PlayerArgs,
         /// Print JSON: model and policy
         #[arg(long)]
         json: bool,
@@ -50,17 +50,17 @@ enum What {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
-    let What::Onnx { song: asked, keep_silence, out, pianist, json: as_json } = args.what;
+    let What::Onnx { song: asked, keep_silence, out, player, json: as_json } = args.what;
     let song = find_song(&asked, keep_silence)?;
-    let pianist = pianist.load(&asked, &song, &mut planner(false))?;
+    let player = player.load(&asked, &song, &mut planner(false))?;
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
     let out = output_file(out, "onnx", "the name must end in .onnx")?;
     check_replaceable(&out, "etude")?;
-    export_onnx(&pianist, &song, &out)?;
+    export_onnx(&player, &song, &out)?;
     if as_json {
-        print_json(&serde_json::json!({ "model": out.display().to_string(), "policy": pianist.name() }))?;
+        print_json(&serde_json::json!({ "model": out.display().to_string(), "policy": player.name() }))?;
     } else {
-        line(format!("model: {} (of {})", out.display(), pianist.name()))?;
+        line(format!("model: {} (of {})", out.display(), player.name()))?;
     }
     Ok(VerbEnd::Done)
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use etude_lab::{SongPlanner, find_song, pianist_for, play};
+use etude_lab::{SongPlanner, choose_player, find_song, play};
 use etude_music::repertoire;
 use etude_perform::Job;
 use etude_show::gallery::gallery;
@@ -56,9 +56,9 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
             show(&mut status, "playing", id, [number, ids.len()]);
             let folder = own.join(id);
             let song = find_song(id, false)?;
-            let pianist = pianist_for(id, id, &song, &mut planner)?.pianist;
+            let player = choose_player(id, id, &song, &mut planner)?.player;
             let played =
-                play(&song, &pianist, &folder, None, &mut planner, &mut Job::new(&mut |_| {}, &stop))?;
+                play(&song, &player, &folder, None, &mut planner, &mut Job::new(&mut |_| {}, &stop))?;
             paths.push(played.files.recording);
         }
     }

@@ -13,7 +13,7 @@ use crate::output::{VerbEnd, line, print_json};
 use crate::progress::stop_flag;
 use crate::status::{Status, clock};
 
-/// Recordings, method and output.
+/// Recordings, fit and output.
 #[derive(clap::Args)]
 #[command(after_help = "\
 First fits each joint and each finger to the recordings without key contact, then the keyboard to those \
@@ -37,9 +37,10 @@ pub struct Args {
     /// A recording that tests the fit and is not fitted; may be repeated
     #[arg(long, value_name = "RECORDING")]
     held_out: Vec<PathBuf>,
-    /// `lm` (Levenberg–Marquardt) or `bo` (Bayesian optimisation, as in the paper)
-    #[arg(long, default_value = "lm", value_name = "METHOD")]
-    method: IdentifyMethod,
+    /// How the simulator is fitted: `lm` (Levenberg-Marquardt) or `bo` (Bayesian optimisation, as in
+    /// the paper)
+    #[arg(long, default_value = "lm", value_name = "lm|bo")]
+    fit: IdentifyMethod,
     /// Maximum number of evaluations per fit of a joint, a finger or the keyboard
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
@@ -70,7 +71,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let what = Identification {
         recordings: all(args.recordings)?,
         held_out: all(args.held_out)?,
-        method: args.method,
+        method: args.fit,
         evaluations: args.evaluations,
         seed: args.seed,
         start,

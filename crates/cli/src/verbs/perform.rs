@@ -15,7 +15,7 @@ use etude_perform::{Ending as Played, Job, Mode, NoteCounts, gap, shell_line};
 use etude_twin::OrderedFault;
 
 use super::play::note_summary;
-use crate::args::{self, PianistArgs};
+use crate::args::{self, PlayerArgs};
 use crate::output::{VerbEnd, line, note, print_json};
 use crate::progress::stop_flag;
 use crate::status::planner;
@@ -80,7 +80,7 @@ pub struct Args {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
-    pianist: PianistArgs,
+    player: PlayerArgs,
     /// Folder of the numbered results; if not given out/SONG-MODE, with the player if it is not the
     /// best policy for the song, and the robot if it is not the default twin
     #[arg(short = 'o', long = "out", value_name = "DIR")]
@@ -102,14 +102,14 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let rig = with_faults(rig_choice(&args.robot, &args.twin_params)?, &args.faults)?;
     let learned = args.correction.as_deref().map(CorrectionFile::load).transpose()?;
     let mut planner = planner(args.json);
-    let pianist = match &learned {
-        Some(learned) => learned.pianist(&song, &rig)?,
-        None => args.pianist.load(&args.song, &song, &mut planner)?,
+    let player = match &learned {
+        Some(learned) => learned.player(&song, &rig)?,
+        None => args.player.load(&args.song, &song, &mut planner)?,
     };
-    let rig = rig.for_simulator(&pianist.config.task.params()?);
+    let rig = rig.for_simulator(&player.config.task.params()?);
     let mode = mode(args.mode, learned.as_ref())?;
-    let is_named = args.pianist.policy.is_some() || args.pianist.scripted || learned.is_some();
-    if let Some(found) = too_fast(&song, &pianist, is_named, &rig.config().limits, &mut planner)? {
+    let is_named = args.player.policy.is_some() || args.player.scripted || learned.is_some();
+    if let Some(found) = too_fast(&song, &player, is_named, &rig.config().limits, &mut planner)? {
         note(format!("warning: {}", slower(&args, &found)));
     }
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
@@ -120,13 +120,13 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let home = args.home || rig.is_twin();
     let play = RobotPlay {
         song: &song,
-        pianist: &pianist,
+        player: &player,
         rig: &rig,
         mode,
         runs: args.runs.into(),
         home,
         seed: args.seed,
-        measures_lag: home && learned.is_none() && !set_latency_compensation(&args.pianist.overrides),
+        measures_lag: home && learned.is_none() && !set_latency_compensation(&args.player.overrides),
         correction: learned.map(|learned| learned.correction),
         font: font.as_ref(),
     };
@@ -149,7 +149,7 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     if args.json {
         print_json(&report)?;
     } else {
-        print(&report, pianist.config.task.key_schedule.rule == KeyScheduleRule::Articulated)?;
+        print(&report, player.config.task.key_schedule.rule == KeyScheduleRule::Articulated)?;
     }
     let warnings = report.runs.iter().flat_map(|run| &run.warnings);
     for warning in warnings.filter(|warning| warned.insert((*warning).clone())) {
@@ -202,10 +202,10 @@ fn slower(args: &Args, found: &TooFast) -> String {
     play.extend(["--robot".to_string(), args.robot.clone()]);
     play.extend(args.mode.iter().flat_map(|mode| ["--mode".to_string(), mode.to_string()]));
     play.extend(args.home.then(|| "--home".to_string()));
-    play.extend(args.pianist.scripted.then(|| "--scripted".to_string()));
-    let policy = args.pianist.policy.iter().map(|policy| policy.display().to_string());
+    play.extend(args.player.scripted.then(|| "--scripted".to_string()));
+    let policy = args.player.policy.iter().map(|policy| policy.display().to_string());
     play.extend(policy.flat_map(|policy| ["--policy".to_string(), policy]));
-    play.extend(args.pianist.overrides.iter().flat_map(|change| ["--set".to_string(), change.clone()]));
+    play.extend(args.player.overrides.iter().flat_map(|change| ["--set".to_string(), change.clone()]));
     format!(
         "{why}; {factor} times slower it plays {right}: `{}`, then `{}`",
         shell_line(arrange.into_iter().map(str::to_string)),
@@ -227,17 +227,17 @@ fn folder_name(args: &Args, mode: Mode, rig: &RigChoice) -> String {
     let corrected = args.correction.iter().map(|_| "corrected".to_string());
     let faults = args.faults.iter().map(|fault| readable(&fault.to_string()));
     let others = [robot].into_iter().chain(corrected).chain(faults);
-    performance_name(&args.pianist, &args.song, mode, others.filter(|part| !part.is_empty()))
+    performance_name(&args.player, &args.song, mode, others.filter(|part| !part.is_empty()))
 }
 
 /// The same from player, song, mode and the `others`.
 pub(super) fn performance_name(
-    pianist: &PianistArgs,
+    player: &PlayerArgs,
     song: &str,
     mode: Mode,
     others: impl IntoIterator<Item = String>,
 ) -> String {
-    let parts = [pianist.folder_name(song), mode.to_string()];
+    let parts = [player.folder_name(song), mode.to_string()];
     parts.into_iter().chain(others).collect::<Vec<_>>().join("-")
 }
 

@@ -9,7 +9,7 @@ use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
 use etude_perform::{Job, NoteCounts, Scores};
 
-use crate::args::{self, PianistArgs};
+use crate::args::{self, PlayerArgs};
 use crate::output::{VerbEnd, line, print_json};
 use crate::progress::stop_flag;
 use crate::status::{Status, planner};
@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long)]
     keep_silence: bool,
     #[command(flatten)]
-    pianist: PianistArgs,
+    player: PlayerArgs,
     /// Folder of the numbered results; if not given out/SONG, with the player if it is not the best
     /// policy for the song
     #[arg(short = 'o', long = "out", value_name = "DIR")]
@@ -56,15 +56,15 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     song.check_range()?;
     let stop = stop_flag()?;
     let mut planner = planner(args.json);
-    let pianist = args.pianist.load(&args.song, &song, &mut planner)?;
+    let player = args.player.load(&args.song, &song, &mut planner)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| {
-        args::folder_of(&song, Path::new("out").join(args.pianist.folder_name(&args.song)))
+        args::folder_of(&song, Path::new("out").join(args.player.folder_name(&args.song)))
     });
     let mut status = Status::late(args.json);
     let mut on_progress = |share: &f64| status.share("playing", *share);
     let mut job = Job::new(&mut on_progress, &stop);
-    let report = play(&song, &pianist, &folder, font.as_ref(), &mut planner, &mut job)?;
+    let report = play(&song, &player, &folder, font.as_ref(), &mut planner, &mut job)?;
     drop(status);
     if args.json {
         print_json(&report)?

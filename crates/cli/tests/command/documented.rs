@@ -329,6 +329,32 @@ fn the_sums_in_the_documents_are_those_of_the_tables() {
     assert_eq!(readme.text(shipped, rule), format!("{by_rule:.3}"));
 }
 
+/// What the README says of the degraded twin is what the tables of the pages say.
+#[test]
+fn the_readme_says_of_the_degraded_twin_what_the_pages_say() {
+    let iterations = Table::of_any_rows("docs/results/rehearsals.md", "| mode, twin params | seeds |");
+    let adaptation = Table::of_any_rows("docs/results/adaptation.md", "| twin parameters | songs |");
+    let row = |table: &Table, begins: &[&str]| -> Vec<String> {
+        let found = |row: &&Vec<String>| begins.iter().all(|cell| row.contains(&cell.to_string()));
+        table.rows.iter().find(found).expect("the row").clone()
+    };
+    let [before, after] = ["before", "after"].map(|when| {
+        let row = row(&iterations, &["real, worn", when]);
+        let f1 = row[5].split(' ').next().unwrap().to_string();
+        (format!("{f1}, RoboPianist's"), leading_number(&row[9]))
+    });
+    let [real, adapted] = ["real execution", "joint mirroring, adapted"].map(|how| {
+        let row = row(&adaptation, &["`worn`", "the paper's five", how]);
+        (format!("{}, articulated", row[5]), leading_number(&row[3]))
+    });
+    let readme = Table::of_any_rows("README.md", "| on `worn` | F1, by its rule |");
+    let due = "of 116";
+    for (row, (f1, right)) in readme.rows.iter().zip([before, after, real, adapted]) {
+        assert_eq!(row[1..], [f1, format!("{right:.0} {due}")], "{}", row[0]);
+    }
+    assert_eq!(readme.rows.len(), 4);
+}
+
 /// What the front pages say of the paper's method and of ours beside it is what the rows say.
 #[test]
 fn the_front_pages_say_of_the_papers_method_what_was_measured() {

@@ -355,6 +355,7 @@ fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
         ("train twinkle --preset fsat", &["'fsat'", "similar value exists: 'fast'"]),
         ("rehearse twinkle --preset fsat", &["similar value exists: 'fast'"]),
         ("completions bahs", &["similar value exists: 'bash'"]),
+        ("completions powershell", &["invalid value 'powershell'", "[possible values: bash, zsh, fish]"]),
     ];
     for (args, words) in cases {
         redirected(&sandbox, args, words);

@@ -64,8 +64,8 @@ fn recordings_that_would_mislead_are_refused_with_the_reason() {
         ("identify sim/1/recording.mcap", "what rig it was made on"),
         ("identify note.txt", "not a recording of Étude"),
         ("identify nowhere.mcap", "nowhere.mcap"),
-        ("identify rest.mcap --method sgd", "unknown variant `sgd`, expected `lm` or `bo`"),
-        ("identify rest.mcap --method cma", "unknown variant `cma`, expected `lm` or `bo`"),
+        ("identify rest.mcap --fit sgd", "unknown variant `sgd`, expected `lm` or `bo`"),
+        ("identify rest.mcap --fit cma", "unknown variant `cma`, expected `lm` or `bo`"),
         ("record --robot twin --excitation dance -o x.mcap", "open-close, chirp, rail"),
     ] {
         let output = sandbox.command(args).output().unwrap();

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use etude_lab::{
-    Pianist, RobotPlay, SongPlanner, Training, TrainingProgress, load_pianist, play_on_robot,
+    LoadedPlayer, RobotPlay, SongPlanner, Training, TrainingProgress, load_player, play_on_robot,
     scores_in_simulation,
 };
 use etude_learn::Score;
@@ -193,7 +193,7 @@ impl RunningTrial<'_, '_> {
         }
         let rows = match (&song, rehearse) {
             (Some(_), Some(rehearse)) => self.rehearse_on_twins(training, rehearse, seed)?,
-            (Some(song), _) => self.scores(song, &load_pianist(&folder)?, perform, seed, share)?,
+            (Some(song), _) => self.scores(song, &load_player(&folder)?, perform, seed, share)?,
             (None, _) => vec![result_row(&[], &of_validation(&best))],
         };
         let (curve, secs) = evaluations(&folder.join("metrics.jsonl"))?;
@@ -217,14 +217,14 @@ impl RunningTrial<'_, '_> {
     fn scores(
         &mut self,
         song: &Song,
-        pianist: &Pianist,
+        player: &LoadedPlayer,
         perform: Option<&PerformConfig>,
         seed: u64,
         share: f64,
     ) -> anyhow::Result<Vec<ResultRow>> {
         let mut planner = SongPlanner::default();
-        let piece = planner.plan(song, &pianist.config.task)?;
-        let Scores { frame: sim, note: sim_note, .. } = scores_in_simulation(pianist, &piece, &mut planner)?;
+        let piece = planner.plan(song, &player.config.task)?;
+        let Scores { frame: sim, note: sim_note, .. } = scores_in_simulation(player, &piece, &mut planner)?;
         let of_sim = [
             ("sim_f1", sim.f1),
             ("sim_precision", sim.precision),
@@ -243,7 +243,7 @@ impl RunningTrial<'_, '_> {
                 runs: perform.runs,
                 seed: SEED_STRIDE.wrapping_mul(seed),
                 measures_lag: !self.trial.sets_latency_compensation(),
-                ..RobotPlay::new(song, pianist, &rig, **mode)
+                ..RobotPlay::new(song, player, &rig, **mode)
             };
             let on_progress = &mut |_: &_| {};
             let mut job = Job::new(on_progress, self.job.interrupt());

@@ -71,7 +71,8 @@ pub(super) fn check_times(
             ));
         }
     }
-    let late = recording.policy.iter().filter(|message| message.late_secs > 1.0 / SETPOINT_HZ).count();
+    let late =
+        recording.policy.iter().filter(|message| message.command_late_secs > 1.0 / SETPOINT_HZ).count();
     if late as f64 > MAX_LATE_SHARE * recording.policy.len() as f64 {
         return Err(format!(
             "it is badly timed: {late} of {} commands were late; record it on a quieter machine",

@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 use crate::correction::{CorrectionFile, OnlyFor};
 use crate::folder::make_folder;
 use crate::json_files::{load, save};
-use crate::pianist::{Pianist, load_pianist};
+use crate::loaded_player::{LoadedPlayer, load_player};
 use crate::play::REFERENCE;
 use crate::results::latest_result;
 use crate::robot::{RobotPlay, RobotReport, RobotScores, RobotStep, all_complete, play_on_robot, run_file};
@@ -131,9 +131,9 @@ pub fn adapt_on_robot(
     folder: &Path,
     job: &mut Job<'_, AdaptStep>,
 ) -> anyhow::Result<Adapted> {
-    let pianist = load_pianist(&config.policy)?;
-    let only_for = OnlyFor::new(song, rig, &pianist)?;
-    let adaptation = Adaptation { song, rig, config, folder, pianist, only_for };
+    let player = load_player(&config.policy)?;
+    let only_for = OnlyFor::new(song, rig, &player)?;
+    let adaptation = Adaptation { song, rig, config, folder, player, only_for };
     adaptation.open()?;
     if let Some(done) = load::<Adapted>(&folder.join(RESULT))? {
         return Ok(done);
@@ -160,7 +160,7 @@ struct Adaptation<'a> {
     rig: &'a RigChoice,
     config: &'a AdaptConfig,
     folder: &'a Path,
-    pianist: Pianist,
+    player: LoadedPlayer,
     only_for: OnlyFor,
 }
 
@@ -240,7 +240,7 @@ impl Adaptation<'_> {
             latency_compensation_secs: report.scores.latency_compensation_secs,
             on_time_secs: report.scores.on_time_compensation_secs(),
         };
-        let next = played.after(index, &run.tracking, &notes, self.pianist.config.task.stage.side);
+        let next = played.after(index, &run.tracking, &notes, self.player.config.task.stage.side);
         let common_lag_secs = played.delays.or(next.delays).map_or(0.0, |delays| delays.common_lag_secs);
         let tracking = run.tracking.clone().asked_for(&played.key_offsets);
         let squares: f64 = (0..RAIL).map(|joint| tracking.error(joint, common_lag_secs).powi(2)).sum();
@@ -286,7 +286,7 @@ impl Adaptation<'_> {
     fn latency_compensation_secs(&self, played: &RunCorrections) -> f64 {
         played
             .latency_compensation_secs
-            .unwrap_or(self.pianist.config.task.key_schedule.latency_compensation_secs)
+            .unwrap_or(self.player.config.task.key_schedule.latency_compensation_secs)
     }
 
     /// Writes the correction of a run for `etude perform`, and returns its file.
@@ -313,13 +313,13 @@ impl Adaptation<'_> {
         planner: &mut SongPlanner<'_>,
         job: &mut Job<'_, RobotStep>,
     ) -> anyhow::Result<RobotReport> {
-        let mut pianist = self.pianist.clone();
-        pianist.config.task.key_schedule.latency_compensation_secs = self.latency_compensation_secs(played);
+        let mut player = self.player.clone();
+        player.config.task.key_schedule.latency_compensation_secs = self.latency_compensation_secs(played);
         let play = RobotPlay {
             runs,
             seed: self.config.seed.wrapping_add(seed),
             correction: Some(played.added()),
-            ..RobotPlay::new(self.song, &pianist, self.rig, self.config.mode)
+            ..RobotPlay::new(self.song, &player, self.rig, self.config.mode)
         };
         let report = play_on_robot(&play, Some(folder), planner, job);
         all_complete(report, job.is_interrupted(), "adapting")

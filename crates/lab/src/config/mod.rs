@@ -160,7 +160,7 @@ mod tests {
         }
         let mut paper = resolve("paper", None, &[]).unwrap();
         assert_eq!(etude_task::layout(&paper.task).len(), 369, "as many columns as the paper has");
-        assert_eq!(paper.task.physics.len(), 3, "the fingers' references");
+        assert_eq!(paper.task.physics.len(), 6, "the references of fingers and rail");
         assert_eq!(paper.task.randomisation.intensity, 0.1);
         paper.task.physics.clear();
         paper.task.randomisation.intensity = 0.0;

@@ -31,7 +31,7 @@ use crate::excitations::record_excitations;
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::json_files::{load, save_pretty};
-use crate::pianist::load_pianist;
+use crate::loaded_player::load_player;
 use crate::robot::{RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot};
 use crate::song_planner::SongPlanner;
 use crate::training::Training;
@@ -257,12 +257,12 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let pianist = load_pianist(policy)?;
+        let player = load_player(policy)?;
         let play = RobotPlay {
             runs: self.config.runs,
             seed: self.config.seed.wrapping_add(1000 * iteration as u64),
             measures_lag: !set_latency_compensation(&self.config.overrides),
-            ..RobotPlay::new(self.song, &pianist, self.rig, self.config.mode)
+            ..RobotPlay::new(self.song, &player, self.rig, self.config.mode)
         };
         let to_step = |step: &RobotStep| RehearsalStep::Playing(iteration, step.clone());
         let played =

@@ -7,7 +7,7 @@ use etude_music::Song;
 use etude_task::{RandomisationConfig, Widths};
 use serde::{Deserialize, Serialize};
 
-use crate::pianist::{Pianist, load_pianist};
+use crate::loaded_player::{LoadedPlayer, load_player};
 use crate::play::scores_in_worlds;
 use crate::robot::RobotScores;
 use crate::song_planner::SongPlanner;
@@ -46,22 +46,18 @@ impl Prediction {
         scores: &RobotScores,
         physics: &BTreeMap<String, f64>,
     ) -> anyhow::Result<Self> {
-        let mut pianist = load_pianist(policy)?;
-        pianist.config.task.key_schedule.latency_compensation_secs = scores.latency_compensation_secs;
-        let fitted = pianist.config.task.physics.clone().into_iter().chain(physics.clone()).collect();
-        let before_fit_f1 = mean_f1(&pianist, song, physics)?;
-        pianist.config.task.physics = fitted;
-        Ok(Self {
-            before_fit_f1,
-            after_fit_f1: mean_f1(&pianist, song, physics)?,
-            played_f1: scores.robot_f1,
-        })
+        let mut player = load_player(policy)?;
+        player.config.task.key_schedule.latency_compensation_secs = scores.latency_compensation_secs;
+        let fitted = player.config.task.physics.clone().into_iter().chain(physics.clone()).collect();
+        let before_fit_f1 = mean_f1(&player, song, physics)?;
+        player.config.task.physics = fitted;
+        Ok(Self { before_fit_f1, after_fit_f1: mean_f1(&player, song, physics)?, played_f1: scores.robot_f1 })
     }
 }
 
-/// Mean F1 in worlds about the pianist's own, which differ in the numbers that `physics` names.
-fn mean_f1(pianist: &Pianist, song: &Song, physics: &BTreeMap<String, f64>) -> anyhow::Result<f64> {
-    let mut pianist = pianist.clone();
+/// Mean F1 in worlds about the player's own, which differ in the numbers that `physics` names.
+fn mean_f1(player: &LoadedPlayer, song: &Song, physics: &BTreeMap<String, f64>) -> anyhow::Result<f64> {
+    let mut player = player.clone();
     let width = |(path, value): (&String, &f64)| {
         let width = match path {
             path if path.starts_with("keyboard.") => LENGTH_M,
@@ -70,13 +66,13 @@ fn mean_f1(pianist: &Pianist, song: &Song, physics: &BTreeMap<String, f64>) -> a
         };
         (path.clone(), width)
     };
-    pianist.config.task.randomisation = RandomisationConfig {
+    player.config.task.randomisation = RandomisationConfig {
         intensity: 1.0,
         widths: Widths::Identified(physics.iter().map(width).collect()),
     };
     let mut planner = SongPlanner::default();
-    let piece = planner.plan(song, &pianist.config.task)?;
-    let scores = scores_in_worlds(&pianist, &piece, &mut planner, WORLDS)?;
+    let piece = planner.plan(song, &player.config.task)?;
+    let scores = scores_in_worlds(&player, &piece, &mut planner, WORLDS)?;
     Ok(scores.iter().map(|scores| scores.frame.f1).sum::<f64>() / scores.len() as f64)
 }
 

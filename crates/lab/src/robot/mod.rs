@@ -19,7 +19,7 @@ use etude_task::{Piece, TaskError};
 use crate::errors::{Interrupted, released, unusable};
 use crate::folder::SONG;
 use crate::json_files::save_pretty;
-use crate::pianist::Pianist;
+use crate::loaded_player::LoadedPlayer;
 use crate::play::{
     Files, REFERENCE, REPORT, header, scores_in_simulation, write_performance, write_reference,
 };
@@ -35,7 +35,7 @@ pub struct RobotPlay<'a> {
     /// The song.
     pub song: &'a Song,
     /// The player.
-    pub pianist: &'a Pianist,
+    pub player: &'a LoadedPlayer,
     /// The robot.
     pub rig: &'a RigChoice,
     /// The execution mode.
@@ -60,9 +60,9 @@ pub struct RobotPlay<'a> {
 
 impl<'a> RobotPlay<'a> {
     /// One run from the rest position, with nothing measured before and nothing corrected.
-    pub fn new(song: &'a Song, pianist: &'a Pianist, rig: &'a RigChoice, mode: Mode) -> Self {
+    pub fn new(song: &'a Song, player: &'a LoadedPlayer, rig: &'a RigChoice, mode: Mode) -> Self {
         let (home, measures_lag) = (true, false);
-        Self { song, pianist, rig, mode, runs: 1, home, seed: 0, measures_lag, correction: None, font: None }
+        Self { song, player, rig, mode, runs: 1, home, seed: 0, measures_lag, correction: None, font: None }
     }
 }
 
@@ -114,7 +114,7 @@ pub fn play_on_robot(
             "several runs need --home: each begins where the song begins, and the one before ends elsewhere"
         );
     }
-    let task = &play.pianist.config.task;
+    let task = &play.player.config.task;
     let rig = play.rig.for_simulator(&task.params().map_err(TaskError::from)?);
     let play = &RobotPlay { rig: &rig, ..play.clone() };
     let piece = planner.plan(play.song, task)?;
@@ -183,11 +183,11 @@ fn play_on_time(
     }
     let latency_compensation_secs = measured.scores.on_time_compensation_secs();
     job.report(&RobotStep::LagMeasured { run: Box::new(run.clone()), latency_compensation_secs });
-    let mut pianist = play.pianist.clone();
-    pianist.config.task.key_schedule.latency_compensation_secs =
+    let mut player = play.player.clone();
+    player.config.task.key_schedule.latency_compensation_secs =
         latency_compensation_secs.unwrap_or(measured.scores.latency_compensation_secs);
-    let piece = planner.plan(play.song, &pianist.config.task)?;
-    let report = play_runs(&RobotPlay { pianist: &pianist, ..play.clone() }, &piece, folder, planner, job)?;
+    let piece = planner.plan(play.song, &player.config.task)?;
+    let report = play_runs(&RobotPlay { player: &player, ..play.clone() }, &piece, folder, planner, job)?;
     Ok(RobotReport { uncompensated: Some(run.scores), ..report })
 }
 
@@ -199,12 +199,12 @@ fn play_runs(
     planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
-    let RobotPlay { pianist, rig, font, .. } = *play;
-    let task = &pianist.config.task;
+    let RobotPlay { player, rig, font, .. } = *play;
+    let task = &player.config.task;
     if let Some(folder) = folder {
         write_reference(&folder.join(REFERENCE), piece, font)?;
     }
-    let simulated = scores_in_simulation(pianist, piece, planner)?;
+    let simulated = scores_in_simulation(player, piece, planner)?;
     let sim_f1 = simulated.frame.f1;
     let start = World::new(&task.stage, &task.params().map_err(TaskError::from)?)
         .map_err(TaskError::from)?
@@ -212,7 +212,7 @@ fn play_runs(
     let header = Header {
         activity: Activity::Mode(play.mode),
         corrected: play.correction.as_ref().is_some_and(|correction| !correction.is_empty()),
-        ..header(piece, pianist, &rig.label(), Some(rig.config()))
+        ..header(piece, player, &rig.label(), Some(rig.config()))
     };
     let (mut runs, mut not_played): (Vec<RobotRun>, _) = (Vec::new(), None);
     for index in 0..play.runs {
@@ -245,7 +245,7 @@ fn play_runs(
     let robot_f1 = mean(&f1);
     Ok(RobotReport {
         song: piece.title().to_string(),
-        player: pianist.name(),
+        player: player.name(),
         mode: play.mode,
         robot: rig.name().to_string(),
         twin_params: match rig {
@@ -282,7 +282,7 @@ fn play_run(
     planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<Option<RobotRun>> {
-    let RobotPlay { pianist, rig, font, .. } = *play;
+    let RobotPlay { player, rig, font, .. } = *play;
     let files = folder.map(|folder| {
         let file = |kind: &str| folder.join(run_file(index, kind));
         let [recording, midi, wav, frames] = RUN_FILES.map(file);
@@ -291,7 +291,7 @@ fn play_run(
     });
     let mut writer =
         files.as_ref().map(|files| RecordingWriter::create(&files.recording, header)).transpose()?;
-    let mut session = rig.open(pianist.config.task.stage.side, play.seed.wrapping_add(index as u64))?;
+    let mut session = rig.open(player.config.task.stage.side, play.seed.wrapping_add(index as u64))?;
     let played = one_run(&mut session, play, piece, start, writer.as_mut(), planner, job);
     let performance = match played {
         // What was played is kept even if the robot does not confirm that it was released.
@@ -339,11 +339,11 @@ fn one_run(
     planner: &mut SongPlanner<'_>,
     job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<Performance> {
-    let (pianist, interrupt) = (play.pianist, job.interrupt());
-    let task = &pianist.config.task;
+    let (player, interrupt) = (play.player, job.interrupt());
+    let task = &player.config.task;
     // What takes long comes before the robot has power.
     let simulation = play.mode.simulation(task)?;
-    let mut ready = pianist.ready(task, piece, planner.on_progress())?;
+    let mut piece_player = player.for_piece(task, piece, planner.on_progress())?;
     let Session { robot, pace } = session;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
     for warning in robot.warnings() {
@@ -351,5 +351,5 @@ fn one_run(
     }
     let mut rig =
         play.mode.rig(simulation, RobotRig::new(robot, pace, start).corrected(play.correction.as_ref()));
-    Ok(perform(&mut *rig, &mut ready, task, piece, writer, interrupt)?)
+    Ok(perform(&mut *rig, &mut piece_player, task, piece, writer, interrupt)?)
 }

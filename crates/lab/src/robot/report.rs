@@ -47,7 +47,7 @@ pub struct RobotScores {
     /// Notes, as means over the runs.
     #[serde(flatten)]
     pub notes: MeanNotes,
-    /// F1 by control step of the same pianist in simulation.
+    /// F1 by control step of the same player in simulation.
     pub sim_f1: f64,
     /// The same by RoboPianist's rule.
     pub sim_robopianist_f1: f64,

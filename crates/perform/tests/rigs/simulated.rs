@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use etude_learn::{Evaluator as _, Score};
 use etude_music::{CONTROL_HZ, KeyEvent, KeySet, Note, Song, Split, melody, repertoire};
-use etude_perform::{Ending, Performance, SimRig, SongEvaluator, perform};
+use etude_perform::{Ending, Performance, SimRig, TrainingEvaluator, perform};
 use etude_stage::hand::{TIP_RADIUS, root_lateral};
 use etude_stage::{PhysicalParams, RAIL, World, kinematics};
 use etude_task::{
@@ -132,7 +132,7 @@ fn collisions_are_counted_without_the_collision_term_too() {
 fn evaluation_is_the_nominal_world_and_forgets_nothing_between_calls() {
     let piece = short_piece();
     let still = |config: &TaskConfig| {
-        let mut evaluator = SongEvaluator::new(config, &piece).unwrap();
+        let mut evaluator = TrainingEvaluator::new(config, &piece).unwrap();
         let mut act = |observations: &[f32], actions: &mut [f32]| {
             assert_eq!(observations.len(), 369);
             actions.fill(0.0);
@@ -199,10 +199,10 @@ fn learned_pieces_are_scored_beside_those_of_the_validation() {
     let corpus = Arc::new(Corpus::new(&config, &task).unwrap());
     let sample = corpus.learned_sample();
     assert_eq!(sample.len(), 2);
-    let still = |evaluator: &mut SongEvaluator| evaluator.evaluate(&mut |_, actions| actions.fill(0.0));
-    let scores = still(&mut SongEvaluator::of_corpus(&task, &corpus).unwrap());
+    let still = |evaluator: &mut TrainingEvaluator| evaluator.evaluate(&mut |_, actions| actions.fill(0.0));
+    let scores = still(&mut TrainingEvaluator::of_corpus(&task, &corpus).unwrap());
     let of = |scores: &[Score], name: &str| scores.iter().find(|score| score.name == name).unwrap().value;
-    let mut alone = sample.iter().map(|piece| still(&mut SongEvaluator::new(&task, piece).unwrap()));
+    let mut alone = sample.iter().map(|piece| still(&mut TrainingEvaluator::new(&task, piece).unwrap()));
     let [first, last] = [(); 2].map(|()| alone.next().unwrap());
     for name in ["f1", "onset_f1"] {
         let mean = (of(&first, name) + of(&last, name)) / 2.0;

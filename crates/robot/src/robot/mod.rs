@@ -202,6 +202,12 @@ impl Robot {
         driven(&self.set_points.positions())
     }
 
+    /// The rail's set-point, m, and its velocity, m/s.
+    pub fn rail_set_point(&self) -> [f64; 2] {
+        let rail = self.set_points.rail();
+        [rail.position(), rail.velocity()]
+    }
+
     /// The joint of the hand, as on the wire, that is farther from its set-point than
     /// `start_finger_rad`, and how far, rad.
     pub fn astray(&self) -> Option<(usize, f64)> {

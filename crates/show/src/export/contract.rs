@@ -1,7 +1,7 @@
 //! What the columns of a model's observation and action mean, and what they are computed from: the
 //! song, its plan, the hand. A test computes the observations of a performance from nothing else.
 
-use etude_lab::Pianist;
+use etude_lab::LoadedPlayer;
 use etude_music::{CONTROL_HZ, KEY_COUNT, LOWEST_PITCH, Song, key_is_black};
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::hand::LINKS;
@@ -15,8 +15,8 @@ use etude_task::{
 use serde_json::{Value, json};
 
 /// What the columns of the observation and of the action mean.
-pub(super) fn contract(pianist: &Pianist, song: &Song) -> Result<Value, TaskError> {
-    let task = &pianist.config.task;
+pub(super) fn contract(player: &LoadedPlayer, song: &Song) -> Result<Value, TaskError> {
+    let task = &player.config.task;
     let piece = Piece::for_task(song, task)?;
     let range = TargetRange::new(&piece);
     let unit = |joint: usize| if joint == RAIL { "m" } else { "rad" };
@@ -31,7 +31,7 @@ pub(super) fn contract(pianist: &Pianist, song: &Song) -> Result<Value, TaskErro
     Ok(json!({
         "schema": 1,
         "song": song.title(),
-        "policy": pianist.name(),
+        "policy": player.name(),
         "control_hz": CONTROL_HZ,
         "observation": {
             "columns": columns(task),

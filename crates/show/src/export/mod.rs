@@ -6,7 +6,7 @@ mod proto;
 use std::path::Path;
 
 use anyhow::Context as _;
-use etude_lab::Pianist;
+use etude_lab::LoadedPlayer;
 use etude_learn::PolicyLayer;
 use etude_music::Song;
 use etude_perform::write_file;
@@ -25,17 +25,17 @@ const OBSERVATION: &str = "observation";
 /// Name of the output.
 const ACTION: &str = "action";
 
-/// Writes the actor of `pianist`, which plays `song`, as an ONNX model: `observation` `[batch, o]`
+/// Writes the actor of `player`, which plays `song`, as an ONNX model: `observation` `[batch, o]`
 /// to `action` `[batch, 13]` in [-1, 1], without exploration. The entry `etude` of the model's
 /// metadata holds JSON that says what each column means.
 ///
 /// # Errors
-/// If the pianist is the scripted baseline, or the file cannot be written.
-pub fn export_onnx(pianist: &Pianist, song: &Song, path: &Path) -> anyhow::Result<()> {
-    let policy = pianist.policy().context(
+/// If the player is the scripted baseline, or the file cannot be written.
+pub fn export_onnx(player: &LoadedPlayer, song: &Song, path: &Path) -> anyhow::Result<()> {
+    let policy = player.policy().context(
         "the scripted baseline has no network that could be exported; train a policy, or name one with --policy",
     )?;
-    let contract = contract(pianist, song)?;
+    let contract = contract(player, song)?;
     let mut graph = Graph {
         name: "actor".to_string(),
         doc_string: "the action's mean through tanh, without exploration".to_string(),

@@ -57,10 +57,10 @@ impl World {
         }
         let readings = self.joints();
         let (rail, constants, at) = (&self.controllers[RAIL], &self.constants[RAIL], readings[RAIL]);
-        if (rail.set_point() - at) * rail.velocity().signum() > MAX_AHEAD_M {
+        if (rail.reference() - at) * rail.velocity().signum() > MAX_AHEAD_M {
             return true;
         }
-        let ways_m = drag_ways_m(self.config.side, &readings, &self.set_points());
+        let ways_m = drag_ways_m(self.config.side, &readings, &self.references());
         let [moves_m, stop] = rail.next_stop(constants, target);
         (stop - at) * moves_m.signum() > ways_m[usize::from(moves_m > 0.0)]
     }

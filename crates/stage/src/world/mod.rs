@@ -178,7 +178,7 @@ impl World {
             let dof = self.layout.joint_dof[joint];
             self.data.qpos_mut()[dof] = position;
             self.data.qfrc_applied_mut()[dof] = self.params.joint(JointRow::Load, joint);
-            self.controllers[joint].rest(self.constants[joint].measured(position));
+            self.controllers[joint].reset_to_rest(self.constants[joint].measured(position));
         }
         self.pressed = KeySet::EMPTY;
         self.physics_steps = 0;

@@ -20,10 +20,10 @@ impl World {
         self.layout.joint_dof.map(|dof| self.data.qpos()[dof])
     }
 
-    /// Set-points of the joints' controllers, before their delays, as encoder readings: rad, the
+    /// References of the joints' controllers, before their delays, as encoder readings: rad, the
     /// rail in m.
-    pub fn set_points(&self) -> [f64; DRIVEN_JOINTS] {
-        std::array::from_fn(|joint| self.controllers[joint].set_point())
+    pub fn references(&self) -> [f64; DRIVEN_JOINTS] {
+        std::array::from_fn(|joint| self.controllers[joint].reference())
     }
 
     /// Joint velocities, rad/s, the rail in m/s.

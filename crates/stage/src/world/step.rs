@@ -44,7 +44,7 @@ impl World {
 
     /// As [`step`](Self::step), calling `watch` after each physics step.
     pub fn step_watched(&mut self, targets: &[f64; DRIVEN_JOINTS], watch: impl FnMut(&Self)) -> StepOutcome {
-        self.control_step(|_| targets, Controller::torque, self.config.interlock, watch)
+        self.control_step(|_| targets, Controller::step, self.config.interlock, watch)
     }
 
     /// One control step that follows `waypoints`, one a physics step, without low-pass and limits:
@@ -54,12 +54,12 @@ impl World {
         waypoints: &[[f64; DRIVEN_JOINTS]; PHYSICS_STEPS],
         watch: impl FnMut(&Self),
     ) -> StepOutcome {
-        self.control_step(|step| &waypoints[step], Controller::track, false, watch)
+        self.control_step(|step| &waypoints[step], Controller::step_tracking, false, watch)
     }
 
     fn control_step<'a>(
         &mut self,
-        wanted: impl Fn(usize) -> &'a [f64; DRIVEN_JOINTS],
+        targets: impl Fn(usize) -> &'a [f64; DRIVEN_JOINTS],
         law: Law,
         interlock: bool,
         mut watch: impl FnMut(&Self),
@@ -70,7 +70,7 @@ impl World {
         self.deepest = [0.0; KEY_COUNT];
         let begun = self.data.ffi().time;
         for step in 0..PHYSICS_STEPS {
-            self.physics_step(wanted(step), law, interlock, &mut outcome);
+            self.physics_step(targets(step), law, interlock, &mut outcome);
             watch(self);
         }
         // When MuJoCo resets itself after diverging, its clock is reset too.
@@ -95,7 +95,7 @@ impl World {
             let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
             let constants = &self.constants[joint];
             let target = target.clamp(constants.measured(low), constants.measured(high));
-            let law = if holds_rail && joint == RAIL { Controller::braking_torque } else { law };
+            let law = if holds_rail && joint == RAIL { Controller::step_braking } else { law };
             let torque =
                 law(&mut self.controllers[joint], constants, target, constants.measured(position), velocity);
             let power = (torque * velocity).abs();

@@ -114,7 +114,7 @@ fn the_interlock_bounds_how_far_the_reference_is_ahead() {
         targets[RAIL] = 0.2;
         let mut most = 0.0f64;
         for _ in 0..40 {
-            let distance = |world: &World| world.set_points()[RAIL] - world.joints()[RAIL];
+            let distance = |world: &World| world.references()[RAIL] - world.joints()[RAIL];
             world.step_watched(&targets, |world| most = most.max(distance(world)));
         }
         assert!((world.joints()[RAIL] - 0.2).abs() < 0.002);

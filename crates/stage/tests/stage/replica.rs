@@ -57,7 +57,7 @@ impl Replica {
             let [low, high] = joint_range(joint);
             let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
             let gains = &self.gains[joint];
-            self.controllers[joint].torque(
+            self.controllers[joint].step(
                 gains,
                 targets[joint].clamp(low, high),
                 gains.measured(position),
@@ -90,9 +90,9 @@ impl Replica {
         self.dofs.map(|dof| self.data.qpos()[dof])
     }
 
-    /// Set-points of the joints' controllers.
-    pub fn set_points(&self) -> [f64; DRIVEN_JOINTS] {
-        std::array::from_fn(|joint| self.controllers[joint].set_point())
+    /// References of the joints' controllers.
+    pub fn references(&self) -> [f64; DRIVEN_JOINTS] {
+        std::array::from_fn(|joint| self.controllers[joint].reference())
     }
 
     /// Keys past the threshold at these positions of the model.

@@ -75,7 +75,7 @@ impl RailModel {
         path.push(position);
         for target in targets.iter().flat_map(|target| std::iter::repeat_n(*target, PHYSICS_STEPS)) {
             let target = self.gains.measured(target);
-            let force = controller.torque(&self.gains, target, self.gains.measured(position), velocity);
+            let force = controller.step(&self.gains, target, self.gains.measured(position), velocity);
             // Damping is taken implicitly, as MuJoCo's Euler step does.
             velocity = (velocity + force / self.mass_kg * self.step_secs)
                 / (1.0 + self.damping / self.mass_kg * self.step_secs);

@@ -4,7 +4,7 @@
 use etude_learn::{StepBatch, VectorEnvironment};
 use etude_music::{KeySet, Note, Song};
 use etude_task::{
-    ACTION_LEN, Environment, Piece, Player, RandomisationConfig, TaskConfig, VectorPiano, layout,
+    ACTION_LEN, Environment, PianoVectorEnv, Piece, Player, RandomisationConfig, TaskConfig, layout,
 };
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -69,12 +69,12 @@ impl Actions {
 }
 
 /// An empty batch for `piano`.
-pub fn batch(piano: &VectorPiano) -> StepBatch {
+pub fn batch(piano: &PianoVectorEnv) -> StepBatch {
     StepBatch::new(piano.num_envs(), piano.layout(), piano.reward_term_names().len())
 }
 
 /// Plays `steps` and returns every batch.
-pub fn play(piano: &mut VectorPiano, actions: &mut Actions, steps: usize) -> Vec<StepBatch> {
+pub fn play(piano: &mut PianoVectorEnv, actions: &mut Actions, steps: usize) -> Vec<StepBatch> {
     let mut batch = batch(piano);
     (0..steps)
         .map(|_| {

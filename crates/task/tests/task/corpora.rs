@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use etude_learn::{StepBatch, VectorEnvironment as _};
 use etude_music::{KeySet, Split, melodies, melody};
-use etude_task::{Corpus, CorpusConfig, Environment, Piece, TargetRange, TaskConfig, VectorPiano};
+use etude_task::{Corpus, CorpusConfig, Environment, PianoVectorEnv, Piece, TargetRange, TaskConfig};
 
 use crate::bench::{Actions, batch, play};
 
@@ -139,7 +139,7 @@ fn a_saved_state_has_the_piece_in_play_and_threads_change_nothing() {
     let seeds: Vec<u64> = (0..60).collect();
     let folder = folder(seeds);
     let corpus = of_folder(&folder);
-    let make = |seed| VectorPiano::of_corpus(&task(), &corpus, ENVS, seed).unwrap();
+    let make = |seed| PianoVectorEnv::of_corpus(&task(), &corpus, ENVS, seed).unwrap();
     let longest = (0..60).map(|number| corpus.piece(number).steps()).max().unwrap();
     let on_threads = |threads: usize| -> (Vec<StepBatch>, Vec<u8>) {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -169,7 +169,7 @@ fn a_saved_state_has_the_piece_in_play_and_threads_change_nothing() {
             resumed.step(&actions, &mut b);
             assert!(a == b, "stopped at {stop}, differs {step} steps later");
         }
-        let mut of_one = VectorPiano::new(&task(), &corpus.piece(0), ENVS, 5).unwrap();
+        let mut of_one = PianoVectorEnv::new(&task(), &corpus.piece(0), ENVS, 5).unwrap();
         let refused = of_one.load_state(&saved).unwrap_err().to_string();
         assert!(refused.contains("corpus"), "{refused}");
     }

@@ -115,7 +115,7 @@ impl Player {
         let (mut pressed, mut moments) = (Vec::new(), Vec::new());
         let state = |replica: &Replica, keys: KeySet| RigState {
             joints: replica.joints(),
-            set_points: replica.set_points(),
+            set_points: replica.references(),
             keys,
         };
         let mut now = state(replica, KeySet::EMPTY);

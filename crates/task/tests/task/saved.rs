@@ -2,7 +2,7 @@
 //! refused, never a panic and never the end of the process.
 
 use etude_learn::VectorEnvironment as _;
-use etude_task::{TaskConfig, VectorPiano};
+use etude_task::{PianoVectorEnv, TaskConfig};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -10,8 +10,8 @@ use crate::bench::{Actions, nominal, play, restless, short_piece};
 
 const ENVS: usize = 3;
 
-fn piano(config: &TaskConfig, seed: u64) -> VectorPiano {
-    VectorPiano::new(config, &short_piece(), ENVS, seed).unwrap()
+fn piano(config: &TaskConfig, seed: u64) -> PianoVectorEnv {
+    PianoVectorEnv::new(config, &short_piece(), ENVS, seed).unwrap()
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn bytes_that_are_no_state_are_refused() {
     ] {
         assert!(piano.load_state(bytes).is_err(), "{:?}", String::from_utf8_lossy(bytes));
     }
-    let mut two = VectorPiano::new(&restless(), &short_piece(), 2, 1).unwrap();
+    let mut two = PianoVectorEnv::new(&restless(), &short_piece(), 2, 1).unwrap();
     let message = two.load_state(&saved).unwrap_err().to_string();
     assert!(message.contains('3') && message.contains('2'), "{message}");
 }
@@ -99,7 +99,7 @@ struct Saved {
 }
 
 impl Saved {
-    fn of(piano: &VectorPiano) -> Self {
+    fn of(piano: &PianoVectorEnv) -> Self {
         let text = String::from_utf8(piano.save_state()).unwrap();
         let random =
             text.split_once(r#""random":"#).and_then(|(_, rest)| rest.split_once(r#","step":"#)).unwrap().0;
@@ -119,7 +119,7 @@ impl Saved {
 /// Damage that is well formed: each number of the state replaced by an extreme one.
 #[test]
 fn extreme_numbers_in_a_state_are_refused_or_played_but_never_panic() {
-    let mut piano = VectorPiano::new(&nominal(), &short_piece(), 1, 1).unwrap();
+    let mut piano = PianoVectorEnv::new(&nominal(), &short_piece(), 1, 1).unwrap();
     play(&mut piano, &mut Actions::new(1, 3), 20);
     let saved = Saved::of(&piano);
     assert!(piano.load_state(&saved.with("/step", "3")).is_ok(), "the way of damaging is sound itself");
@@ -166,7 +166,7 @@ fn numbers(value: &serde_json::Value, path: String) -> Vec<String> {
 /// reach it.
 #[test]
 fn broken_sleep_cycles_are_refused() {
-    let mut piano = VectorPiano::new(&nominal(), &short_piece(), 1, 1).unwrap();
+    let mut piano = PianoVectorEnv::new(&nominal(), &short_piece(), 1, 1).unwrap();
     play(&mut piano, &mut Actions::new(1, 3), 3);
     let saved = Saved::of(&piano);
     for (tree, next) in [(0, "1"), (3, "50"), (3, "49"), (7, "2147483647")] {

@@ -2,7 +2,7 @@
 //! start over by themselves.
 
 use etude_learn::{StepBatch, VectorEnvironment as _};
-use etude_task::{Environment, TaskConfig, VectorPiano};
+use etude_task::{Environment, PianoVectorEnv, TaskConfig};
 
 use crate::bench::{Actions, batch, nominal, play, restless, short_piece};
 
@@ -11,7 +11,7 @@ const ENVS: usize = 5;
 fn on_threads(threads: usize, config: &TaskConfig) -> (Vec<f32>, Vec<StepBatch>, Vec<u8>) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
-        let mut piano = VectorPiano::new(config, &short_piece(), ENVS, 11).unwrap();
+        let mut piano = PianoVectorEnv::new(config, &short_piece(), ENVS, 11).unwrap();
         let mut first = batch(&piano).observation;
         piano.reset(&mut first);
         let batches = play(&mut piano, &mut Actions::new(ENVS, 1), 70);
@@ -33,7 +33,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 #[test]
 fn environments_and_seeds_differ_where_worlds_are_random_and_not_where_they_are_not() {
     let first = |config: &TaskConfig, seed| {
-        let mut piano = VectorPiano::new(config, &short_piece(), 2, seed).unwrap();
+        let mut piano = PianoVectorEnv::new(config, &short_piece(), 2, seed).unwrap();
         let mut observation = batch(&piano).observation;
         piano.reset(&mut observation);
         let half = observation.len() / 2;
@@ -51,7 +51,7 @@ fn environments_and_seeds_differ_where_worlds_are_random_and_not_where_they_are_
 fn episodes_start_over_at_the_songs_end() {
     let piece = short_piece();
     let config = nominal();
-    let mut piano = VectorPiano::new(&config, &piece, 2, 3).unwrap();
+    let mut piano = PianoVectorEnv::new(&config, &piece, 2, 3).unwrap();
     let mut first = batch(&piano).observation;
     piano.reset(&mut first);
     let batches = play(&mut piano, &mut Actions::new(2, 4), 2 * piece.steps() + 3);
@@ -86,7 +86,7 @@ fn episodes_start_over_at_the_songs_end() {
 
 #[test]
 fn the_binary_columns_are_exactly_binary() {
-    let mut piano = VectorPiano::new(&restless(), &short_piece(), 3, 5).unwrap();
+    let mut piano = PianoVectorEnv::new(&restless(), &short_piece(), 3, 5).unwrap();
     let layout = piano.layout();
     let mut ones = 0;
     for batch in play(&mut piano, &mut Actions::new(3, 6), 60) {
@@ -108,7 +108,7 @@ fn environments_step_without_any_reward_term() {
     for term in etude_task::reward::TERMS {
         config.reward.insert(term.name.to_string(), 0.0);
     }
-    let mut piano = VectorPiano::new(&config, &short_piece(), 2, 0).unwrap();
+    let mut piano = PianoVectorEnv::new(&config, &short_piece(), 2, 0).unwrap();
     let batches = play(&mut piano, &mut Actions::new(2, 1), 3);
     assert_ne!(batches[0].observation, batches[2].observation);
 }
@@ -120,7 +120,7 @@ fn a_world_that_bursts_earns_what_no_learner_takes() {
         config.physics.insert(path.to_string(), value);
     }
     let earned = |config: &TaskConfig| {
-        let mut piano = VectorPiano::new(config, &short_piece(), 2, 0).unwrap();
+        let mut piano = PianoVectorEnv::new(config, &short_piece(), 2, 0).unwrap();
         play(&mut piano, &mut Actions::new(2, 1), 200)
             .iter()
             .flat_map(|batch| batch.reward.clone())

@@ -141,7 +141,7 @@ fn an_environment_shows_the_rails_set_point_if_the_task_says_so() {
         environment.step(&[1.0; ACTION_LEN], &mut parts);
         let mut out = vec![0.0; layout(&config).len()];
         environment.observe(&mut out);
-        let (set, is) = (environment.world().set_points()[RAIL], environment.world().joints()[RAIL]);
+        let (set, is) = (environment.world().references()[RAIL], environment.world().joints()[RAIL]);
         (out, set / WHITE_PITCH, is / WHITE_PITCH)
     };
     let (measured, set, is) = shown(false);

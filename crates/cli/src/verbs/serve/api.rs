@@ -12,7 +12,7 @@ use super::super::songs::Changes;
 use super::jobs::{JobSpec, Step};
 use super::message::ApiError;
 use super::workspace::{COMPARED, ListedSong, SONGS, Workspace, analysis_files, make_folder, replay_page};
-use crate::args::{PianistArgs, slug};
+use crate::args::{PlayerArgs, slug};
 
 /// A button of the page, with its settings.
 #[derive(Deserialize)]
@@ -53,19 +53,19 @@ impl ApiRequest {
             }
             Self::Arrange { song, changes } => arrange(workspace, &song, &changes),
             Self::Play { song, player } => {
-                let (title, pianist) = pianist(workspace, &song, player)?;
-                let folder = folder_of(workspace, &song, &pianist.folder_name(&song))?;
-                let play = step(&["play", &song, "-o", &folder], options(&pianist));
+                let (title, args) = player_args(workspace, &song, player)?;
+                let folder = folder_of(workspace, &song, &args.folder_name(&song))?;
+                let play = step(&["play", &song, "-o", &folder], options(&args));
                 let steps = vec![play, replay(&format!("{folder}/{LATEST}/{RECORDING}"))];
                 Ok(job(format!("Play {title}"), &song, &folder, steps))
             }
             Self::Perform { song, player, mode } => {
-                let (title, pianist) = pianist(workspace, &song, player)?;
+                let (title, args) = player_args(workspace, &song, player)?;
                 let mode: Mode = mode.parse().map_err(|error| anyhow::anyhow!("the mode: {error}"))?;
-                let folder = folder_of(workspace, &song, &performance_name(&pianist, &song, mode, []))?;
+                let folder = folder_of(workspace, &song, &performance_name(&args, &song, mode, []))?;
                 let mode = format!("--mode={mode}");
                 let perform = ["perform", &song, "--robot", "twin", "-o", &folder, &mode];
-                let perform = step(&perform, options(&pianist));
+                let perform = step(&perform, options(&args));
                 let steps = vec![perform, replay(&format!("{folder}/{LATEST}/{}", run_file(0, "mcap")))];
                 Ok(job(format!("Perform {title} on the twin"), &song, &folder, steps))
             }
@@ -200,11 +200,11 @@ fn folder_of(workspace: &Workspace, song: &str, name: &str) -> Result<String, Ap
 }
 
 /// The song's title, and the player.
-fn pianist(
+fn player_args(
     workspace: &Workspace,
     song: &str,
     player: PlayerChoice,
-) -> Result<(String, PianistArgs), ApiError> {
+) -> Result<(String, PlayerArgs), ApiError> {
     let (listed, _) = workspace.song(song)?;
     let (policy, scripted) = match player {
         PlayerChoice::Best => (None, false),
@@ -214,11 +214,11 @@ fn pianist(
         }
         PlayerChoice::Run(run) => return Err(unknown(&run)),
     };
-    Ok((listed.title, PianistArgs { policy, scripted, overrides: Vec::new() }))
+    Ok((listed.title, PlayerArgs { policy, scripted, overrides: Vec::new() }))
 }
 
 /// The command line's options for the player.
-fn options(pianist: &PianistArgs) -> Vec<String> {
-    let policy = pianist.policy.iter().map(|policy| format!("--policy={}", policy.display()));
-    policy.chain(pianist.scripted.then(|| "--scripted".to_string())).collect()
+fn options(args: &PlayerArgs) -> Vec<String> {
+    let policy = args.policy.iter().map(|policy| format!("--policy={}", policy.display()));
+    policy.chain(args.scripted.then(|| "--scripted".to_string())).collect()
 }

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-use etude_lab::{LATEST, PAGE, Pianist, RECORDING, REPORT, SongPlanner, all_results, find_song, pianist_for};
+use etude_lab::{
+    LATEST, LoadedPlayer, PAGE, RECORDING, REPORT, SongPlanner, all_results, choose_player, find_song,
+};
 use etude_music::{Song, SongError, is_named_midi, repertoire};
 use etude_perform::write_file;
 use etude_show::watch::{Point, RunFigures, WatchedRun, runs_in};
@@ -149,17 +151,17 @@ impl Workspace {
         let analysis = || serde_json::from_slice::<Value>(&std::fs::read(&about).ok()?).ok();
         let is_ready = [&about, &reference].into_iter().all(is_new)
             && analysis().is_some_and(|analysis| analysis["title"] == notes.title());
-        let pianist = pianist_for(song, &slug(song), &notes, &mut SongPlanner::default())
+        let player = choose_player(song, &slug(song), &notes, &mut SongPlanner::default())
             .ok()
-            .map(|chosen| chosen.pianist);
+            .map(|chosen| chosen.player);
         Ok(json!({
             "song": song, "title": listed.title, "about": about, "reference": reference,
             "is_ready": is_ready,
             "problem": problem.map(|error| error.to_string()), "transpositions": transpositions,
             "outside": outside, "notes": notes.notes().len(),
-            "policy": pianist.as_ref().map(Pianist::name),
-            "zero_shot": pianist.as_ref().is_some_and(Pianist::is_sight_reader),
-            "policy_f1": pianist.and_then(|pianist| pianist.claimed_f1),
+            "policy": player.as_ref().map(LoadedPlayer::name),
+            "zero_shot": player.as_ref().is_some_and(LoadedPlayer::is_sight_reader),
+            "policy_f1": player.and_then(|player| player.claimed_f1),
         }))
     }
 

@@ -11,7 +11,7 @@ use crate::{ACTION_LEN, Corpus, Piece, TaskConfig, TaskError};
 
 /// Environments of one piece, or of one corpus, that step together. Each owns its world and its
 /// random stream, so the result does not depend on the number of threads.
-pub struct VectorPiano {
+pub struct PianoVectorEnv {
     environments: Vec<EnvironmentSlot>,
     layout: ObservationLayout,
     terms: usize,
@@ -23,7 +23,7 @@ struct EnvironmentSlot {
     parts: Vec<f32>,
 }
 
-impl VectorPiano {
+impl PianoVectorEnv {
     /// `num_envs` environments whose randomness comes from `root_seed`.
     ///
     /// # Errors
@@ -69,7 +69,7 @@ impl VectorPiano {
     }
 }
 
-impl VectorEnvironment for VectorPiano {
+impl VectorEnvironment for PianoVectorEnv {
     fn num_envs(&self) -> usize {
         self.environments.len()
     }

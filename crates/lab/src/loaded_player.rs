@@ -1,4 +1,4 @@
-//! The pianist: a trained policy, found by song or by path, or the scripted baseline.
+//! What plays a song: a trained policy, loaded from its file, or the scripted baseline.
 
 use std::path::{Path, PathBuf};
 
@@ -14,21 +14,21 @@ use crate::folder::{other_notes, policy_in};
 
 /// What chooses the actions.
 #[derive(Clone)]
-pub(crate) enum Kind {
+pub(crate) enum PlayerKind {
     /// A learned policy, from this file.
     Policy(Box<Policy>, PathBuf),
     /// Inverse kinematics and timing, without learning.
     Scripted,
 }
 
-/// A pianist that is ready for one piece.
+/// The [`Player`](etude_task::Player) of one piece.
 #[derive(Clone)]
-pub(crate) enum Ready {
+pub(crate) enum PolicyOrScripted {
     Policy(Box<Policy>),
     Scripted(Box<ScriptedBaseline>),
 }
 
-impl Ready {
+impl PolicyOrScripted {
     /// What limits the scripted baseline on the piece; `None` for a policy.
     pub(crate) fn limits(&self) -> Option<String> {
         match self {
@@ -38,7 +38,7 @@ impl Ready {
     }
 }
 
-impl etude_task::Player for Ready {
+impl etude_task::Player for PolicyOrScripted {
     fn act(&mut self, step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]) {
         match self {
             Self::Policy(policy) => policy.act(observation, action),
@@ -49,8 +49,8 @@ impl etude_task::Player for Ready {
 
 /// A policy or the scripted baseline, with the configuration that it plays in.
 #[derive(Clone)]
-pub struct Pianist {
-    pub(crate) kind: Kind,
+pub struct LoadedPlayer {
+    pub(crate) kind: PlayerKind,
     /// The configuration; of a policy the one that it was trained with.
     pub config: RunConfig,
     /// Title of the song that it learned, if the file says.
@@ -69,17 +69,17 @@ pub struct Pianist {
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
-pub fn load_pianist(path: &Path) -> anyhow::Result<Pianist> {
+pub fn load_player(path: &Path) -> anyhow::Result<LoadedPlayer> {
     if !path.is_dir() {
-        return open(path);
+        return load_policy_file(path);
     }
-    open(&policy_in(path).with_context(|| {
+    load_policy_file(&policy_in(path).with_context(|| {
         format!("{} holds no policy; name the folder of a run, or a policy file", path.display())
     })?)
 }
 
-/// The pianist with the policy in the file `path`.
-pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
+/// The policy in the file `path`.
+pub(crate) fn load_policy_file(path: &Path) -> anyhow::Result<LoadedPlayer> {
     let fail = |message: String| anyhow!("cannot use the policy {}: {message}", path.display());
     let policy = Policy::load(path)?;
     let notes = &policy.header().notes;
@@ -96,8 +96,8 @@ pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
     let claimed_notes = notes["scores"]["notes_right"].as_f64();
     let missed = notes["scores"]["notes_missed"].as_f64();
     let claimed_due = claimed_notes.zip(missed).map(|(right, missed)| right + missed);
-    let kind = Kind::Policy(Box::new(policy), path.to_path_buf());
-    Ok(Pianist { kind, config, song, claimed_f1, claimed_overall, claimed_notes, claimed_due })
+    let kind = PlayerKind::Policy(Box::new(policy), path.to_path_buf());
+    Ok(LoadedPlayer { kind, config, song, claimed_f1, claimed_overall, claimed_notes, claimed_due })
 }
 
 /// Adds to `changes` each value below `path` that `new` has and `old` has not.
@@ -113,7 +113,7 @@ fn list_changes(path: &str, old: &Value, new: &Value, changes: &mut Vec<String>)
     }
 }
 
-impl Pianist {
+impl LoadedPlayer {
     /// The scripted baseline, the baseline that needs no training, in the world of the default
     /// preset. It plans for itself, so its actions are those of a task without a fingering: it
     /// moves the rail earlier than the plan, by the rail's lag.
@@ -123,7 +123,7 @@ impl Pianist {
         changes.extend(FINGERING_TERMS.map(|term| format!("task.reward.{term}=0")));
         let config = resolve(DEFAULT_PRESET, None, &changes).expect("a preset of our own is sound");
         Self {
-            kind: Kind::Scripted,
+            kind: PlayerKind::Scripted,
             config,
             song: None,
             claimed_f1: None,
@@ -136,8 +136,8 @@ impl Pianist {
     /// The network that decides the actions; the scripted baseline has none.
     pub fn policy(&self) -> Option<&Policy> {
         match &self.kind {
-            Kind::Policy(policy, _) => Some(policy),
-            Kind::Scripted => None,
+            PlayerKind::Policy(policy, _) => Some(policy),
+            PlayerKind::Scripted => None,
         }
     }
 
@@ -149,8 +149,8 @@ impl Pianist {
     /// The policy's file; the scripted baseline has none.
     pub fn file(&self) -> Option<&Path> {
         match &self.kind {
-            Kind::Policy(_, path) => Some(path),
-            Kind::Scripted => None,
+            PlayerKind::Policy(_, path) => Some(path),
+            PlayerKind::Scripted => None,
         }
     }
 
@@ -170,23 +170,23 @@ impl Pianist {
     /// compared.
     pub fn learned_other_notes(&self, song: &Song) -> Option<usize> {
         match &self.kind {
-            Kind::Policy(_, path) => other_notes(path.parent()?, song),
-            Kind::Scripted => None,
+            PlayerKind::Policy(_, path) => other_notes(path.parent()?, song),
+            PlayerKind::Scripted => None,
         }
     }
 
     /// What plays `piece` in `task`. `on_progress` receives the share of its planning that is done.
-    pub(crate) fn ready(
+    pub(crate) fn for_piece(
         &self,
         task: &TaskConfig,
         piece: &Piece,
         on_progress: &mut dyn FnMut(f64),
-    ) -> Result<Ready, TaskError> {
+    ) -> Result<PolicyOrScripted, TaskError> {
         Ok(match &self.kind {
-            Kind::Policy(policy, _) => Ready::Policy(policy.clone()),
-            Kind::Scripted => {
-                Ready::Scripted(Box::new(ScriptedBaseline::new_with_progress(task, piece, on_progress)?))
-            }
+            PlayerKind::Policy(policy, _) => PolicyOrScripted::Policy(policy.clone()),
+            PlayerKind::Scripted => PolicyOrScripted::Scripted(Box::new(
+                ScriptedBaseline::new_with_progress(task, piece, on_progress)?,
+            )),
         })
     }
 
@@ -198,14 +198,14 @@ impl Pianist {
     /// If an override is not sound, or would change what the policy sees.
     pub fn reconfigure(&mut self, overrides: &[String]) -> anyhow::Result<Vec<String>> {
         let changed = change(&self.config, overrides)?;
-        if let Kind::Policy(policy, path) = &self.kind
+        if let PlayerKind::Policy(policy, path) = &self.kind
             && layout(&changed.task) != policy.header().layout
         {
             let message = "it was trained for another observation than these overrides make".to_string();
             bail!("cannot use the policy {}: {message}", path.display());
         }
         let mut others = Vec::new();
-        if matches!(self.kind, Kind::Policy(..)) {
+        if matches!(self.kind, PlayerKind::Policy(..)) {
             let value =
                 |task: &TaskConfig| serde_json::to_value(task).expect("a configuration is plain data");
             list_changes("task", &value(&self.config.task), &value(&changed.task), &mut others);

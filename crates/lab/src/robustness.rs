@@ -1,7 +1,8 @@
-//! A policy on a fixed grid of worlds: how well it plays where the simulator's parameters are off.
+//! Robustness: how well a policy plays in a fixed set of worlds, where the simulator's parameters
+//! are off.
 //!
-//! A policy plays best in the nominal world, since it was trained in it. The grid is a Latin
-//! hypercube over the widths of the pianist's own randomisation
+//! A policy plays best in the nominal world, since it was trained in it. The worlds are a Latin
+//! hypercube over the widths of the policy's own randomisation
 //! ([`etude_task::Randomisation::grid`]), the same for the same seed, so that policies are compared
 //! in the same worlds; their worst tenth says more about a robot than their mean (a judgement).
 
@@ -16,21 +17,21 @@ use etude_task::{Randomisation, TaskError};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::pianist::Pianist;
+use crate::loaded_player::LoadedPlayer;
 use crate::results::in_new_result;
 use crate::song_planner::SongPlanner;
 
 /// The table of the worlds in its folder.
 const WORLDS: &str = "worlds.csv";
 
-/// Which grid.
+/// Which worlds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct GridConfig {
+pub struct RobustnessConfig {
     /// Number of worlds beside the nominal one.
     pub worlds: usize,
     /// The paper's C_dr: how far the worlds are from the nominal one.
     pub intensity: f64,
-    /// Seed of the grid.
+    /// Seed of the set of worlds.
     pub seed: u64,
 }
 
@@ -46,7 +47,7 @@ pub struct WorldScores {
 
 /// The scores of one world, or the mean of several.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct GridScores {
+pub struct ScoreSummary {
     /// Notes of the song that were played in time.
     pub notes_right: f64,
     /// Strokes that play no note of the song.
@@ -65,35 +66,35 @@ pub struct Marginal {
     pub path: String,
     /// Its nominal value.
     pub nominal: f64,
-    /// Its least and its greatest value on the grid.
+    /// Its least and its greatest value in the worlds.
     pub range: [f64; 2],
     /// Mean F1 in the worlds of its low, middle and high third.
     pub f1: [f64; 3],
 }
 
-/// A policy on a grid. Its keys are those of `etude evaluate --json`.
+/// How a song went in all worlds. Its keys are those of `etude evaluate --json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GridReport {
+pub struct RobustnessReport {
     /// Title of the song.
     pub song: String,
     /// The policy file, or `scripted`.
     pub player: String,
-    /// The grid.
+    /// Which worlds.
     #[serde(flatten)]
-    pub grid: GridConfig,
+    pub config: RobustnessConfig,
     /// Notes of the song.
     pub notes_due: usize,
     /// In the nominal world.
-    pub nominal: GridScores,
+    pub nominal: ScoreSummary,
     /// Means over the worlds.
-    pub mean: GridScores,
+    pub mean: ScoreSummary,
     /// Means over the tenth of the worlds (at least one) that is worst by each score.
-    pub worst_decile: GridScores,
+    pub worst_decile: ScoreSummary,
     /// The worst score of any world.
-    pub worst: GridScores,
+    pub worst: ScoreSummary,
     /// F1 by third of each number that varies; none for fewer than three worlds.
     pub marginals: Vec<Marginal>,
-    /// Scores in each world, in the grid's order.
+    /// Scores in each world, in the order of `worlds.csv`.
     pub scores: Vec<WorldScores>,
     /// The numbers of each world that vary, in the order of `paths`.
     #[serde(skip)]
@@ -105,28 +106,28 @@ pub struct GridReport {
     pub csv: Option<PathBuf>,
 }
 
-/// Plays `song` once in each world of the grid, over the threads of the current rayon pool. `watch`
+/// Plays `song` once in each world of `config`, over the threads of the current rayon pool. `watch`
 /// receives the number of finished worlds after each, on any thread. If it returns `false`, the
 /// evaluation stops and there is no report.
 ///
 /// # Errors
-/// If the song does not fit the keyboard, or the pianist's task or the grid is not sound.
-pub fn evaluate_grid(
+/// If the song does not fit the keyboard, or the player's task or `config` is not sound.
+pub fn evaluate_robustness(
     song: &Song,
-    pianist: &Pianist,
-    grid: &GridConfig,
+    player: &LoadedPlayer,
+    config: &RobustnessConfig,
     planner: &mut SongPlanner<'_>,
     watch: &(dyn Fn(usize) -> bool + Sync),
-) -> anyhow::Result<Option<GridReport>> {
-    let mut task = pianist.config.task.clone();
-    task.randomisation.intensity = grid.intensity;
+) -> anyhow::Result<Option<RobustnessReport>> {
+    let mut task = player.config.task.clone();
+    task.randomisation.intensity = config.intensity;
     task.check()?;
     let piece = planner.plan(song, &task)?;
     let nominal = task.params().map_err(TaskError::from)?;
     let randomisation = Randomisation::new(nominal.clone(), &task.randomisation, task.stage.actuation)?;
     let mut worlds = vec![nominal];
-    worlds.extend(randomisation.grid(grid.worlds, grid.seed));
-    let ready = pianist.ready(&task, &piece, planner.on_progress())?;
+    worlds.extend(randomisation.grid(config.worlds, config.seed));
+    let piece_player = player.for_piece(&task, &piece, planner.on_progress())?;
     let never = AtomicBool::new(false);
 
     let (done, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
@@ -136,7 +137,8 @@ pub fn evaluate_grid(
                 return Ok(None);
             }
             let mut rig = SimRig::in_world(&task, &piece, params)?;
-            let scores = world_scores(&perform(&mut rig, &mut ready.clone(), &task, &piece, None, &never)?);
+            let scores =
+                world_scores(&perform(&mut rig, &mut piece_player.clone(), &task, &piece, None, &never)?);
             if !watch(done.fetch_add(1, Ordering::Relaxed) + 1) {
                 stopped.store(true, Ordering::Relaxed);
             }
@@ -147,7 +149,7 @@ pub fn evaluate_grid(
     let Some(mut scores) = played.filter(|_| !stopped.load(Ordering::Relaxed)) else { return Ok(None) };
 
     let nominal = scores.remove(0).scores;
-    let nominal = GridScores {
+    let nominal = ScoreSummary {
         notes_right: nominal.note.matched as f64,
         notes_wrong: nominal.note.wrong as f64,
         onset_error_secs: nominal.note.onset_error_median_secs,
@@ -169,18 +171,18 @@ pub fn evaluate_grid(
         0 => nominal,
         count => {
             let [notes_right, notes_wrong, f1] = [&right, &wrong, &sorted_f1].map(|all| mean(&all[..count]));
-            GridScores { notes_right, notes_wrong, onset_error_secs: None, f1 }
+            ScoreSummary { notes_right, notes_wrong, onset_error_secs: None, f1 }
         }
     };
     let late: Vec<f64> =
         scores.iter().filter_map(|world| world.scores.note.onset_error_median_secs).collect();
-    Ok(Some(GridReport {
+    Ok(Some(RobustnessReport {
         song: song.title().to_string(),
-        player: pianist.name(),
-        grid: *grid,
+        player: player.name(),
+        config: *config,
         notes_due: piece.notes().len(),
         nominal,
-        mean: GridScores { onset_error_secs: (!late.is_empty()).then(|| mean(&late)), ..worst(f1.len()) },
+        mean: ScoreSummary { onset_error_secs: (!late.is_empty()).then(|| mean(&late)), ..worst(f1.len()) },
         worst_decile: worst(f1.len().div_ceil(10)),
         worst: worst(1),
         marginals: marginals(&paths, &middle, &values, &f1),
@@ -218,7 +220,7 @@ fn marginals(paths: &[String], nominal: &[f64], values: &[Vec<f64>], f1: &[f64])
     paths.iter().enumerate().map(of).collect()
 }
 
-impl GridReport {
+impl RobustnessReport {
     /// Writes one line a world into a new numbered folder in `results`: its number, its scores, and
     /// the numbers that vary, under their paths.
     ///
@@ -270,28 +272,28 @@ mod tests {
         Song::new("Short", [60, 62, 64].into_iter().enumerate().map(note).collect(), 0.9).unwrap()
     }
 
-    fn pianist(sets: &[&str]) -> Pianist {
-        let mut pianist = Pianist::scripted();
-        pianist.config =
-            change(&pianist.config, &sets.iter().map(ToString::to_string).collect::<Vec<_>>()).unwrap();
-        pianist
+    fn player(sets: &[&str]) -> LoadedPlayer {
+        let mut player = LoadedPlayer::scripted();
+        player.config =
+            change(&player.config, &sets.iter().map(ToString::to_string).collect::<Vec<_>>()).unwrap();
+        player
     }
 
-    fn on_threads(threads: usize, pianist: &Pianist, grid: &GridConfig) -> GridReport {
+    fn on_threads(threads: usize, player: &LoadedPlayer, config: &RobustnessConfig) -> RobustnessReport {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| evaluate_grid(&song(), pianist, grid, &mut SongPlanner::default(), &|_| true))
+        pool.install(|| evaluate_robustness(&song(), player, config, &mut SongPlanner::default(), &|_| true))
             .unwrap()
             .unwrap()
     }
 
     #[test]
     fn any_number_of_threads_gives_the_same_report() {
-        let grid = GridConfig { worlds: 11, intensity: 0.5, seed: 0 };
-        let one = on_threads(1, &pianist(&[]), &grid);
+        let config = RobustnessConfig { worlds: 11, intensity: 0.5, seed: 0 };
+        let one = on_threads(1, &player(&[]), &config);
         for threads in [2, 4] {
-            assert_eq!(on_threads(threads, &pianist(&[]), &grid), one);
+            assert_eq!(on_threads(threads, &player(&[]), &config), one);
         }
-        assert_ne!(on_threads(2, &pianist(&[]), &GridConfig { seed: 1, ..grid }).scores, one.scores);
+        assert_ne!(on_threads(2, &player(&[]), &RobustnessConfig { seed: 1, ..config }).scores, one.scores);
         assert_eq!((one.scores.len(), one.marginals.len(), one.paths.len()), (11, 31, 31));
         let wrong: Vec<usize> = one.scores.iter().map(|scores| scores.scores.note.wrong).collect();
         assert_eq!(one.worst.notes_wrong, *wrong.iter().max().unwrap() as f64);
@@ -308,17 +310,17 @@ mod tests {
 
     #[test]
     fn without_intensity_every_world_is_the_nominal_one() {
-        let report = on_threads(2, &pianist(&[]), &GridConfig { worlds: 3, intensity: 0.0, seed: 0 });
+        let report = on_threads(2, &player(&[]), &RobustnessConfig { worlds: 3, intensity: 0.0, seed: 0 });
         assert!(report.scores.iter().all(|scores| scores.scores.frame.f1 == report.nominal.f1));
         assert_eq!((report.mean.f1, report.worst.f1), (report.nominal.f1, report.nominal.f1));
-        let report = on_threads(2, &pianist(&[]), &GridConfig { worlds: 0, intensity: 0.5, seed: 0 });
+        let report = on_threads(2, &player(&[]), &RobustnessConfig { worlds: 0, intensity: 0.5, seed: 0 });
         assert!(report.marginals.is_empty() && report.worst.f1 == report.nominal.f1);
     }
 
     #[test]
     fn a_number_that_matters_shows_in_its_thirds() {
-        let pianist = pianist(&["task.randomisation.widths.key.threshold=0.45"]);
-        let report = on_threads(2, &pianist, &GridConfig { worlds: 12, intensity: 1.0, seed: 0 });
+        let player = player(&["task.randomisation.widths.key.threshold=0.45"]);
+        let report = on_threads(2, &player, &RobustnessConfig { worlds: 12, intensity: 1.0, seed: 0 });
         let [marginal] = &report.marginals[..] else { panic!("{:?}", report.marginals) };
         assert_eq!((marginal.path.as_str(), marginal.nominal), ("key.threshold", 0.5));
         assert!(marginal.range[0] < 0.1 && marginal.range[1] > 0.9, "{marginal:?}");
@@ -338,26 +340,27 @@ mod tests {
 
     #[test]
     fn stopping_gives_no_report_and_what_cannot_work_an_error() {
-        let grid = GridConfig { worlds: 20, intensity: 0.5, seed: 0 };
+        let config = RobustnessConfig { worlds: 20, intensity: 0.5, seed: 0 };
         let played = AtomicUsize::new(0);
         let watch = |done: usize| {
             played.fetch_max(done, Ordering::Relaxed);
             done < 2
         };
         assert_eq!(
-            evaluate_grid(&song(), &pianist(&[]), &grid, &mut SongPlanner::default(), &watch).unwrap(),
+            evaluate_robustness(&song(), &player(&[]), &config, &mut SongPlanner::default(), &watch).unwrap(),
             None
         );
         assert!(played.load(Ordering::Relaxed) < 10);
-        let fails = |pianist: &Pianist, grid: &GridConfig| {
-            evaluate_grid(&song(), pianist, grid, &mut SongPlanner::default(), &|_| true)
+        let fails = |player: &LoadedPlayer, config: &RobustnessConfig| {
+            evaluate_robustness(&song(), player, config, &mut SongPlanner::default(), &|_| true)
                 .unwrap_err()
                 .to_string()
         };
         assert!(
-            fails(&pianist(&[]), &GridConfig { intensity: 1.5, ..grid }).contains("randomisation.intensity")
+            fails(&player(&[]), &RobustnessConfig { intensity: 1.5, ..config })
+                .contains("randomisation.intensity")
         );
-        let said = fails(&pianist(&["task.randomisation.widths.key.colour=1"]), &grid);
+        let said = fails(&player(&["task.randomisation.widths.key.colour=1"]), &config);
         assert!(said.contains("`key.colour`") && said.contains("etude model params"), "{said}");
     }
 }

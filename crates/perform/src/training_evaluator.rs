@@ -4,12 +4,11 @@
 use std::sync::atomic::AtomicBool;
 
 use etude_learn::{Evaluator, Score};
-use etude_music::metrics::NoteScores;
 use etude_task::{ACTION_LEN, Corpus, Piece, TaskConfig, TaskError};
 
 use crate::{Performance, SimRig, perform};
 
-/// Names of the scores of [`SongEvaluator`]. `overall` is the mean of the paper's F1 and the F1 of
+/// Names of the scores of [`TrainingEvaluator`]. `overall` is the mean of the paper's F1 and the F1 of
 /// the notes' onsets.
 pub const SCORES: [&str; 12] = [
     "f1",
@@ -33,13 +32,13 @@ const OF_LEARNED: [(&str, &str); 2] = [(LEARNED_F1, "f1"), ("training_onset_f1",
 
 /// Plays the song once for each evaluation, always in the nominal world, and scores it. Of several
 /// pieces the scores are the means, and the counts of notes the sums.
-pub struct SongEvaluator {
+pub struct TrainingEvaluator {
     pieces: Vec<(SimRig, Piece)>,
     learned: Vec<(SimRig, Piece)>,
     task: TaskConfig,
 }
 
-impl SongEvaluator {
+impl TrainingEvaluator {
     /// An evaluator for `piece`.
     ///
     /// # Errors
@@ -64,7 +63,7 @@ impl SongEvaluator {
     }
 }
 
-impl Evaluator for SongEvaluator {
+impl Evaluator for TrainingEvaluator {
     fn evaluate(&mut self, act: &mut (dyn FnMut(&[f32], &mut [f32]) + Send)) -> Vec<Score> {
         let mut player =
             |_: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| act(observation, action);
@@ -114,38 +113,4 @@ fn values(performance: &Performance) -> [f64; SCORES.len()] {
         simulated.collision_free,
         simulated.reward,
     ]
-}
-
-/// How many notes are right, for people to read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NoteCounts {
-    /// Notes of the song that were played in time.
-    pub right: usize,
-    /// Notes of the song.
-    pub due: usize,
-    /// Strokes that play no note of the song.
-    pub wrong: usize,
-}
-
-impl NoteCounts {
-    /// Those of an evaluation; none of runs that have not counted notes.
-    pub fn of_evaluation(scores: &[Score]) -> Option<Self> {
-        let count = |name: &str| {
-            Some(scores.iter().find(|score| score.name == name)?.value).map(|value| value as usize)
-        };
-        let (right, missed, wrong) = (count("notes_right")?, count("notes_missed")?, count("notes_wrong")?);
-        Some(Self { right, due: right + missed, wrong })
-    }
-}
-
-impl From<&NoteScores> for NoteCounts {
-    fn from(scores: &NoteScores) -> Self {
-        Self { right: scores.matched, due: scores.matched + scores.missed, wrong: scores.wrong }
-    }
-}
-
-impl std::fmt::Display for NoteCounts {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} of {} notes right, {} wrong", self.right, self.due, self.wrong)
-    }
 }
