@@ -111,17 +111,21 @@ def drawn(options):
     MEASURE,
     runs(3),
     argument("--twin-params", nargs="+", default=["standard"], help="to measure"),
-    argument("--trainings", nargs="+", type=pathlib.Path, default=[], help="their folders: …/SONG-SEED"),
+    argument("--trainings", nargs="+", type=pathlib.Path, default=[], help="their folders, SONG-SEED, or policy files, SONG"),
 )
 def trained(options):
-    """Trained policies in real execution, nothing fitted. A safety stop counts as F1 0 and no note.
+    """Policies in real execution, nothing fitted. A safety stop counts as F1 0 and no note.
 
     A range is that of the policies.
     """
-    every = ((name, run.resolve(), *run.name.rsplit("-", 1)) for name in options.twin_params for run in options.trainings)
+    labels = [(run.stem, 0) if run.is_file() else run.name.rsplit("-", 1) for run in options.trainings]
+    every = ((name, *each) for name in options.twin_params for each in zip(options.trainings, labels))
     rows = rows_of(
         options,
-        lambda: (performance(name, song, "real", name, options.runs, run, seed) for name, run, song, seed in every),
+        lambda: (
+            performance(name, song, "real", name, options.runs, run.resolve(), seed)
+            for name, run, (song, seed) in every
+        ),
     )
     head(
         "twin parameters", "policies", "safety stops", "F1 (RoboPianist's rule), simulation", "twin (range)", "gap",

@@ -81,7 +81,8 @@ fn steps_and_fits(trial: &Trial) -> anyhow::Result<(u64, u64)> {
     };
     let steps = training.resolve()?.trainer.total_steps;
     let Some(rehearse) = rehearse else { return Ok((steps, 0)) };
-    let rehearsals = (rehearse.twin_params.len() * rehearse.modes.len() * rehearse.iterations) as u64;
+    let sets = &rehearse.twin_params;
+    let rehearsals = (sets.len() * rehearse.modes.len() * rehearse.iterations) as u64;
     let fitted = rehearse.fits.iter().filter(|fit| **fit != RehearsalFit::None).count() as u64;
     let trainings = rehearsals * rehearse.fits.len() as u64;
     Ok((steps + trainings * rehearse.steps.unwrap_or(steps), rehearsals * fitted))

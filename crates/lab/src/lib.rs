@@ -59,5 +59,5 @@ pub use song_planner::SongPlanner;
 pub use training::{Training, find_song};
 pub use training_progress::TrainingProgress;
 pub use warm_start::beginning_with;
-pub use within_limits::{Remedy, TooFast, too_fast};
+pub use within_limits::{Remedy, TooFast, slower_rail, too_fast};
 pub use zero_shot::{Arrangement, SIGHT_READER, ZeroShot, cannot_be_played, easier, predict_zero_shot};

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use etude_music::metrics::note_scores;
 use etude_music::{MAX_LATENCY_COMPENSATION_SECS, Note, Song};
-use etude_perform::{SimRig, perform, within_limits};
+use etude_perform::{SimRig, limits_for, perform, within_limits};
 use etude_robot::rig_file::LimitsConfig;
 use etude_task::{Piece, TaskError};
 
@@ -55,7 +55,7 @@ pub fn too_fast(
     limits: &LimitsConfig,
     planner: &mut SongPlanner<'_>,
 ) -> anyhow::Result<Option<TooFast>> {
-    let lowered = lowered(limits);
+    let lowered = lowered(limits, &learned_limits(player)?);
     if lowered.is_empty() {
         return Ok(None);
     }
@@ -103,19 +103,47 @@ fn enough(right: usize, of: usize) -> bool {
     right as f64 >= PLAYABLE * of as f64
 }
 
-/// The limits of set-points that are lower than the default.
-fn lowered(limits: &LimitsConfig) -> Vec<String> {
-    let default = LimitsConfig::default();
-    let limits = [
-        ("finger_velocity", limits.finger_velocity, default.finger_velocity),
-        ("finger_acceleration", limits.finger_acceleration, default.finger_acceleration),
-        ("finger_jerk", limits.finger_jerk, default.finger_jerk),
-        ("rail_velocity", limits.rail_velocity, default.rail_velocity),
-        ("rail_acceleration", limits.rail_acceleration, default.rail_acceleration),
-        ("rail_jerk", limits.rail_jerk, default.rail_jerk),
-    ];
-    let lower = limits.into_iter().filter(|(_, limit, default)| limit < default);
-    lower.map(|(name, limit, default)| format!("limits.{name} = {limit} ({default} by default)")).collect()
+/// The limits of a rig whose rail is slower than by default because a policy has learned with such
+/// a rail, each as `name = value`, if this rig's rail is quicker than that.
+///
+/// # Errors
+/// If the player's task is not sound.
+pub fn slower_rail(player: &LoadedPlayer, limits: &LimitsConfig) -> anyhow::Result<Vec<String>> {
+    let learned = learned_limits(player)?;
+    let default = by_name(&LimitsConfig::default());
+    let limits = by_name(limits).into_iter().zip(by_name(&learned)).zip(default);
+    let quicker = limits.filter(|(((name, limit), (_, learned)), (_, default))| {
+        name.starts_with("rail") && learned < default && *limit > 1.01 * learned
+    });
+    Ok(quicker.map(|((_, (name, learned)), _)| format!("limits.{name} = {learned}")).collect())
+}
+
+/// The limits of a rig that is as quick as the simulator in which `player` has learned.
+fn learned_limits(player: &LoadedPlayer) -> anyhow::Result<LimitsConfig> {
+    Ok(limits_for(&player.config.task.params().map_err(TaskError::from)?))
+}
+
+fn by_name(limits: &LimitsConfig) -> [(&'static str, f64); 6] {
+    [
+        ("finger_velocity", limits.finger_velocity),
+        ("finger_acceleration", limits.finger_acceleration),
+        ("finger_jerk", limits.finger_jerk),
+        ("rail_velocity", limits.rail_velocity),
+        ("rail_acceleration", limits.rail_acceleration),
+        ("rail_jerk", limits.rail_jerk),
+    ]
+}
+
+/// The limits of set-points that are lower than the default, and than those that were `learned`
+/// with.
+fn lowered(limits: &LimitsConfig, learned: &LimitsConfig) -> Vec<String> {
+    let default = by_name(&LimitsConfig::default());
+    let limits = by_name(limits).into_iter().zip(by_name(learned)).zip(default);
+    let lower = limits
+        .filter(|(((_, limit), (_, learned)), (_, default))| limit < default && *limit < 0.99 * learned);
+    lower
+        .map(|(((name, limit), _), (_, default))| format!("limits.{name} = {limit} ({default} by default)"))
+        .collect()
 }
 
 /// Notes that are right in a simulation within these limits, as if the commands had been sent
@@ -148,6 +176,20 @@ mod tests {
     use super::*;
     use crate::loaded_player::load_policy_file;
     use crate::policy_files::shipped_policy;
+
+    /// A policy that has learned with a slow rail needs a slow one, and is not held back by it.
+    #[test]
+    fn a_rig_as_slow_as_the_simulator_is_not_too_slow_and_a_quicker_one_is_named() {
+        let song = repertoire::get("twinkle").unwrap();
+        let mut player = load_policy_file(&shipped_policy("twinkle").unwrap()).unwrap();
+        assert_eq!(slower_rail(&player, &LimitsConfig::default()).unwrap(), [""; 0]);
+        player.config.task.physics.insert("joint.rail.velocity_limit".to_string(), 0.05);
+        let slow = learned_limits(&player).unwrap();
+        assert_eq!(too_fast(&song, &player, true, &slow, &mut SongPlanner::default()).unwrap(), None);
+        assert_eq!(slower_rail(&player, &slow).unwrap(), [""; 0]);
+        let named = slower_rail(&player, &LimitsConfig::default()).unwrap();
+        assert_eq!(named, ["limits.rail_velocity = 0.053"]);
+    }
 
     #[test]
     fn a_song_is_too_fast_for_lowered_limits_until_it_is_slow_enough() {

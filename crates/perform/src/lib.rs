@@ -53,7 +53,7 @@ pub use recorder::Recorder;
 pub use recording::Recording;
 pub use rig::{Rig, StepEnd};
 pub use robot_rig::RobotRig;
-pub use shaping::{shaping_params, within_limits};
+pub use shaping::{limits_for, shaping_params, within_limits};
 pub use shell::{shell_line, shell_word};
 pub use sim_rig::SimRig;
 pub use timing::{Timing, TimingReport};

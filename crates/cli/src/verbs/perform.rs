@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueHint;
 use etude_lab::{
     CorrectionFile, MeanNotes, Remedy, RobotPlay, RobotReport, RobotRun, RobotStep, TooFast, find_song,
-    play_on_robot, readable, set_latency_compensation, slug, too_fast,
+    play_on_robot, readable, set_latency_compensation, slower_rail, slug, too_fast,
 };
 use etude_music::KeyScheduleRule;
 use etude_music::sound::SoundFont;
@@ -111,6 +111,11 @@ pub fn run(args: Args) -> anyhow::Result<VerbEnd> {
     let is_named = args.player.policy.is_some() || args.player.scripted || learned.is_some();
     if let Some(found) = too_fast(&song, &player, is_named, &rig.config().limits, &mut planner)? {
         note(format!("warning: {}", slower(&args, &found)));
+    }
+    let limits = slower_rail(&player, &rig.config().limits)?;
+    if !limits.is_empty() {
+        let limits = limits.join(", ");
+        note(format!("warning: the policy has learned with a slower rail: set {limits} in {}", args.robot));
     }
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder = args
