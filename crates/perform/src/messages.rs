@@ -200,6 +200,7 @@ pub struct PolicyMessage {
     /// The action, −1 to 1.
     pub action: Vec<f32>,
     /// Time from the beginning of the step until its command was there, s.
+    #[serde(alias = "late_secs")] // Its name in older recordings.
     pub command_late_secs: f64,
 }
 

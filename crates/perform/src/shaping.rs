@@ -39,8 +39,8 @@ impl Shaping {
         Self { gains, controllers: pose.map(Controller::at_rest), rail: [pose[RAIL]; 2] }
     }
 
-    /// Goes on from the rail's set-point as the robot has it (m, and m/s), where its interlock has
-    /// held it back: a simulated rail that is held goes on from there too.
+    /// Continues from the rail's set-point as the robot has it (m, and m/s), where its interlock
+    /// has held it back: a simulated rail that is held continues from there too.
     pub(crate) fn resume_rail(&mut self, [position, velocity]: [f64; 2]) {
         // The robot may still have the last set-point before it.
         if self.rail.iter().all(|shaped| (shaped - position).abs() > SAME_M) {
@@ -169,8 +169,8 @@ mod tests {
         assert!((limits_for(&slow).rail_velocity - 0.4).abs() < 1e-3);
     }
 
-    /// The shaping of a rail that was held back goes on from where the rail is: otherwise it would
-    /// have to catch up with what the policy asked for meanwhile, and the policy would see it late.
+    /// The shaping of a rail that was held back continues from where the rail is. Otherwise the rail
+    /// would have to catch up with what the policy asked for meanwhile.
     #[test]
     fn a_rail_that_was_held_back_is_not_asked_to_catch_up() {
         let mut waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];

@@ -8,8 +8,8 @@ use etude_task::{ACTION_LEN, Corpus, Piece, TaskConfig, TaskError};
 
 use crate::{Performance, SimRig, perform};
 
-/// Names of the scores of [`TrainingEvaluator`]. `overall` is the mean of the paper's F1 and the F1 of
-/// the notes' onsets.
+/// Names of the scores of [`TrainingEvaluator`]. `overall` is the mean of the paper's F1 and the F1
+/// of the notes' onsets.
 pub const SCORES: [&str; 12] = [
     "f1",
     "precision",

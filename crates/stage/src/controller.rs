@@ -136,7 +136,7 @@ impl Controller {
         self.acceleration = 0.0;
     }
 
-    /// Goes on from a reference at `position` that moves at `velocity`: something else has moved
+    /// Continues from a reference at `position` that moves at `velocity`: something else has moved
     /// it.
     pub fn resume(&mut self, position: f64, velocity: f64) {
         (self.position, self.velocity, self.acceleration) = (position, velocity, 0.0);

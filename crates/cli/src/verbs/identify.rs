@@ -37,8 +37,8 @@ pub struct Args {
     /// A recording that tests the fit and is not fitted; may be repeated
     #[arg(long, value_name = "RECORDING")]
     held_out: Vec<PathBuf>,
-    /// How the simulator is fitted: `lm` (Levenberg-Marquardt) or `bo` (Bayesian optimisation, as in
-    /// the paper)
+    /// How the simulator is fitted: `lm` (Levenberg-Marquardt) or `bo` (Bayesian optimisation, as
+    /// in the paper)
     #[arg(long, default_value = "lm", value_name = "lm|bo")]
     fit: IdentifyMethod,
     /// Maximum number of evaluations per fit of a joint, a finger or the keyboard

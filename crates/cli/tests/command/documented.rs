@@ -340,8 +340,8 @@ fn the_readme_says_of_the_degraded_twin_what_the_pages_say() {
     };
     let [before, after] = ["before", "after"].map(|when| {
         let row = row(&iterations, &["real, worn", when]);
-        let f1 = row[5].split(' ').next().unwrap().to_string();
-        (format!("{f1}, RoboPianist's"), leading_number(&row[9]))
+        let f1 = row[4].split(' ').next().unwrap().to_string();
+        (format!("{f1}, RoboPianist's"), leading_number(&row[8]))
     });
     let [real, adapted] = ["real execution", "joint mirroring, adapted"].map(|how| {
         let row = row(&adaptation, &["`worn`", "the paper's five", how]);
