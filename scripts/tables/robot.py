@@ -135,11 +135,12 @@ def trained(options):
         done = complete(of_set)
         f1 = [float(entry["robot_robopianist_f1"] or 0) for entry in of_set]
         simulated = mean_of(done, "sim_robopianist_f1")
+        right, due, wrong = (sum_of(done, key) for key in NOTES)
         twin, uncompensated = statistics.mean(f1), mean_of(done, "uncompensated_robopianist_f1")
         row(
             f"`{name}`", len(of_set), len(of_set) - len(done), f"{simulated:.3f}",
             f"{twin:.3f} ({min(f1):.3f} to {max(f1):.3f})", f"{100 * (1 - twin / simulated):.1f} %",
-            f"{uncompensated:.3f}", right_of_due(done),
+            f"{uncompensated:.3f}", f"{right:.0f} of {due:.0f}, {wrong:.0f}",
         )
 
 

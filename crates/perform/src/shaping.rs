@@ -169,8 +169,8 @@ mod tests {
         assert!((limits_for(&slow).rail_velocity - 0.4).abs() < 1e-3);
     }
 
-    /// The shaping of a rail that was held back continues from where the rail is. Otherwise the rail
-    /// would have to catch up with what the policy asked for meanwhile.
+    /// The shaping of a rail that was held back continues from where the rail is. Otherwise the
+    /// rail would have to catch up with what the policy asked for meanwhile.
     #[test]
     fn a_rail_that_was_held_back_is_not_asked_to_catch_up() {
         let mut waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
